@@ -23,10 +23,12 @@ from offline.evaluation.series import make_series
 from offline.evaluation.simulated_sets import SIMULATED, open_simulated_set, straight_braking_set
 from offline.evaluation.tables import comparison_tables, headline
 from offline.evaluation.test_sets import (
+    BENDS,
     BRAKING,
     NEW_ROADS,
     NOISE,
     TestSet,
+    bends_sets,
     choose_levels,
     choose_sets,
     library_set,
@@ -141,6 +143,11 @@ def open_sets(
             _notify(f"without {NEW_ROADS}: the data have no roads, or all of the new ones.")
         else:
             tests.append(new_roads)
+    if BENDS in names:
+        bends = bends_sets(dataset)
+        if not bends:
+            _notify(f"without {BENDS}: the data have no poses, or no car turns in them.")
+        tests += bends
     tests += _open_simulated_sets(names, dataset, bundles)
     if NOISE in names:
         noisy = [noisy_set(library, level, dataset.schema, dataset.roles) for level in levels]

@@ -89,8 +89,8 @@ class EvaluationOptions:
     sets: Annotated[
         Names,
         Parameter(
-            help="library, new-roads, robustness, varied, noise, sliding, fast, braking, friction, "
-            "mass; default: all of them",
+            help="library, new-roads, bends, robustness, varied, noise, sliding, fast, braking, "
+            "friction, mass; default: all of them",
         ),
     ] = None
     noise: Annotated[

@@ -3,6 +3,8 @@
 - library: slices of the test episodes, 480 for each curvature that models may be trained on;
 - new-roads: the same drives on curvatures that the library leaves out. The road does not act on
   the car, so another road can be laid under a drive exactly (`offline.data.recording`);
+- bends: the same drives on roads that turn about as the car does (`offline.data.roads`), radius 8
+  to 250 m, one set of left and one of right bends;
 - noise: the library with noise on what a model hears, the first state and the states of the past.
   The states that a prediction is compared with, the inputs and the curvature have none. The draws
   are seeded, the same for all models, and those of another level are the same times its factor;
@@ -21,26 +23,32 @@ from numpy.typing import NDArray
 from offline.data.dataset import Dataset
 from offline.data.manifest import Imported, Origin
 from offline.data.recording import Starts, cut
+from offline.data.roads import roads_near_car
 from offline.data.signals import STANDARD_DEVIATIONS, Roles, Trajectories, noise_matrix, past_names
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.errors import ConfigError, DatasetError
 from rt_controller.contract.signals import Schema
 
-LIBRARY, NEW_ROADS, ROBUSTNESS, VARIED = "library", "new-roads", "robustness", "varied"
+LIBRARY, NEW_ROADS, BENDS = "library", "new-roads", "bends"
+ROBUSTNESS, VARIED = "robustness", "varied"
 NOISE, SLIDING, FAST, BRAKING = "noise", "sliding", "fast", "braking"
 FRICTION, MASS = "friction", "mass"
 SET_NAMES = (
-    *(LIBRARY, NEW_ROADS, ROBUSTNESS, VARIED),
+    *(LIBRARY, NEW_ROADS, BENDS),
+    *(ROBUSTNESS, VARIED),
     *(NOISE, SLIDING, FAST, BRAKING),
     *(FRICTION, MASS),
 )
-"""names of `--sets`; noise, friction and mass stand for several sets each"""
+"""names of `--sets`; bends, noise, friction and mass stand for several sets each"""
 
 TRAJECTORIES_PER_CURVATURE = 480
 """times five curvatures: the paper's 2,400 test trajectories"""
 
 NEW_CURVATURES_PER_M = (-1e-3, 1e-3, 3e-3)
 """within the range of the library's curvatures, but not among them"""
+
+BEND_RADII_M = (8.0, 250.0)
+BENDS_SEED = 49
 
 DEFAULT_LEVELS = (1.0, 3.0)
 LARGEST_LEVEL = 100.0
@@ -55,7 +63,7 @@ class TestSet:
     description: str
     trajectories: Trajectories
     curvature_per_m: Array | None
-    """(N,) of the road of each; None if the data have no roads"""
+    """(N,) of the road of each; None if the data have no roads, or each has its own"""
     data_sha256: str
     """hash of the data set that they are from"""
 
@@ -138,6 +146,28 @@ def new_roads_set(
     starts = starts.take(np.tile(np.arange(count), len(curvatures)))
     anchor = starts.anchor and starts.anchor._replace(curvature_per_m=np.repeat(curvatures, count))
     return cut_set(dataset, NEW_ROADS, description, starts._replace(anchor=anchor))
+
+
+def bends_sets(dataset: Dataset) -> list[TestSet]:
+    """Left and right bends of the radii `BEND_RADII_M` under the slices of the test part.
+
+    None if such roads cannot be laid under the data.
+    """
+    starts, near_car = slices_of_test_part(dataset), roads_near_car(dataset)
+    if starts.anchor is None or near_car is None:
+        return []
+    normal = np.random.default_rng(BENDS_SEED).standard_normal(len(starts.row))
+    curvature = near_car.draw(starts.row, normal)
+    starts = starts._replace(anchor=starts.anchor._replace(curvature_per_m=curvature))
+    tightest, widest = BEND_RADII_M
+    found = []
+    for side, signed in (("left", curvature), ("right", -curvature)):
+        chosen = (signed >= 1.0 / widest) & (signed <= 1.0 / tightest)
+        description = f"the same drives in {side} bends, radius {tightest:g} to {widest:g} m"
+        if chosen.any():
+            test = cut_set(dataset, f"{BENDS}-{side}", description, starts.take(chosen))
+            found.append(replace(test, curvature_per_m=None))
+    return found
 
 
 def choose_levels(levels: Sequence[float] | None) -> tuple[float, ...]:

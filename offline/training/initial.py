@@ -23,6 +23,7 @@ from offline.model.physical_units import scaling_of_lift
 from offline.training.run import Checkpoint
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.errors import ArtifactError, ConfigError
+from rt_controller.contract.signals import MOTION
 from rt_controller.model.bundle import Bundle
 from rt_controller.model.dynamics import no_gains
 
@@ -35,6 +36,7 @@ STRUCTURE = (
     "products",
     "history_steps",
     "separate_motion",
+    "path",
     "path_latents",
     "path_hidden",
     "bilinear_rank",
@@ -103,10 +105,12 @@ def choose_scaling(
     scaled = [name for name in weights if name.endswith(".spread")]
     if not scaled:  # an encoder without products
         return fitted
-    # The last encoder reads all states, and the exogenous signals if any does.
+    # The last encoder reads all states, and the exogenous signals if any does; that of a model with
+    # an exact path reads the motion only.
     centre, spread = (weights[scaled[-1].replace("spread", each)] for each in ("centre", "spread"))
-    n = len(fitted.x_scale)
-    x_centre, x_scale = centre[:n].astype(float), spread[:n].astype(float)
+    n = len(fitted.x_scale) if first_model.means is None else MOTION.stop
+    x_centre, x_scale = fitted.x_centre.copy(), fitted.x_scale.copy()
+    x_centre[:n], x_scale[:n] = centre[:n], spread[:n]
     states, inputs = past_columns(dataset.schema, dataset.roles)
     return replace(
         fitted,
@@ -173,6 +177,9 @@ def _take_operator(model: MdkNet, bundle: Bundle, scaling: Scaling) -> None:
     model.B_rows.copy_(_float(B[:rows]))
     model.N_rows.copy_(_float(N[:rows]))
     model.S.copy_(_float(gains.S * s))
+    if model.path is not None and bundle.means is not None:
+        means = bundle.means.S * s / s[: len(bundle.means.S), None]
+        model.path.change.copy_(_float(means - np.eye(*means.shape)))
 
 
 def _weights(bundle: Bundle) -> dict[str, Array]:
