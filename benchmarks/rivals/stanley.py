@@ -180,4 +180,4 @@ class Stanley:
     def _do_nothing(self, *_: Any) -> None:
         """There is no plan and no solver, and the cars of the comparison follow its commands."""
 
-    warm_up = limit_steering = limit_solve_time = predicted_states = _do_nothing
+    warm_up = limit_steering = limit_solve_time = assume_steady = predicted_states = _do_nothing
