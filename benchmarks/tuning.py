@@ -23,6 +23,7 @@ from benchmarks.rivals.drive import (
     build_rival,
     drive_with,
     settings_of,
+    tuned_values,
 )
 from benchmarks.rivals.scenarios import NOISY, SEARCH
 from benchmarks.rivals.stanley import Gains
@@ -93,9 +94,11 @@ def main(
 ) -> int:
     """Search the weights or gains of a controller; the first trial is that of its defaults.
 
+    The second one of a rival is the result of its last search.
+
     Args:
         controller: stanley, bicycle-mpc, bicycle-nmpc, a shipped model, or the folder of a bundle.
-        trials: number of trials, each eight drives.
+        trials: number of trials, each a drive of every scenario of the search.
         seed: of the search (TPE of Optuna).
         json: file for the best values and their costs.
     """
@@ -123,6 +126,8 @@ def main(
     settings = settings_of({})
     known = {**settings.model_dump(), **settings.tolerance.model_dump(), **Gains()._asdict()}
     study.enqueue_trial({name: known[name] for name in space})
+    if controller in TUNED:
+        study.enqueue_trial(tuned_values(controller))
     study.optimize(run, n_trials=trials)
     best = study.best_trial
     options = f"--controller {controller} --trials {trials} --seed {seed}"

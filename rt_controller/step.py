@@ -160,7 +160,8 @@ class ControlStep:
         accepted = []
         if echo is not None:
             accepted = [
-                each if each.mode is not Mode.STANDBY or self._at_takeover is None
+                each
+                if each.mode is not Mode.STANDBY or self._at_takeover is None
                 else each._replace(control=self._at_takeover)
                 for each in self._outbox.contents_until(COMMAND, echo, LONGEST_DELAY + 1)
             ]

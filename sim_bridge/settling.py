@@ -31,7 +31,9 @@ _FULL_THROTTLE_MPS2, _MPS2_PER_N = 4.5, 0.06
 
 def is_straight(road: RoadAt) -> bool:
     """True if a car on this road is steady with its wheel in the middle, on the level."""
-    return not any(road._replace(friction_left=0.0, friction_right=0.0, curvature_change_per_m2=0.0))
+    return not any(
+        road._replace(friction_left=0.0, friction_right=0.0, curvature_change_per_m2=0.0)
+    )
 
 
 def settle(car: Car, start: Start, road: RoadAt) -> None:
@@ -56,7 +58,9 @@ def settle(car: Car, start: Start, road: RoadAt) -> None:
         ahead_m = max(_AHEAD_S * vx_mps, _LEAST_AHEAD_M)
         off_m, course_rad = ey_m - start.ey_m, epsi_rad + atan2(vy_mps, vx_mps)
         wanted_per_m = per_m - off_m / ahead_m**2 - 2.0 * course_rad / ahead_m
-        missing_per_m += _LEARNED_PER_S * PERIOD_S * (wanted_per_m - yaw_rate / hypot(vx_mps, vy_mps))
+        missing_per_m += (
+            _LEARNED_PER_S * PERIOD_S * (wanted_per_m - yaw_rate / hypot(vx_mps, vy_mps))
+        )
         turn_radps = vx_mps * (wanted_per_m + missing_per_m)
         slower_mps = start.speed_mps - vx_mps
         along_mps2 += _MPS2_PER_M * PERIOD_S * slower_mps

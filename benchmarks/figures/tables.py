@@ -83,7 +83,7 @@ def _rows(shown: Callable[[Row], object]) -> list[str]:
 
 _LANE_CHANGES = [row.name for row in ROWS[:3]]
 _OF_README = re.compile(
-    "lane change, [0-9]+ km/h$|slalom|road course$|bend of 100|.*(0.6|vehicle 1)"
+    "lane change, [0-9]+ km/h$|slalom|road course$|bend of (100|40)|.*(0.6|vehicle 1)"
 )
 _SHORT = ("mdk-net", "edmd-bilinear", "mdk-net-paper", "lti")
 _STOP = "{stop_error_mm:.0f}, {creep_mm:.0f}, {mode_changes}, {pedal_changes}"
