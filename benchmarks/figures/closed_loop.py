@@ -44,6 +44,8 @@ class Row(NamedTuple):
     settled_s: float = 0.0
     """length of the end of the drive in which the lateral error has settled; 0: it does not"""
     has_stop: bool = False
+    changes_speed: bool = False
+    """the error of the speed counts as much as the lateral one"""
 
 
 class Controller(NamedTuple):
@@ -84,9 +86,14 @@ ROWS = (
         for side in ("left", "right")
     ),
     Row("S-bends of 150 m, 90 km/h", "benchmarks/scenarios/s_bends.toml"),
-    Row("bend of 400 m, 50 to 110 km/h", "benchmarks/scenarios/accelerating_bend.toml"),
+    *(
+        Row(name, f"benchmarks/scenarios/{file}.toml", changes_speed=True)
+        for name, file in (
+            ("bend of 400 m, 50 to 110 km/h", "accelerating_bend"),
+            ("grade of 10 %, 110 to 70 km/h", "slower_uphill"),
+        )
+    ),
     Row(_FAST_SINE, "benchmarks/scenarios/fast_sine.toml"),
-    Row("grade of 10 %, 110 to 70 km/h", "benchmarks/scenarios/slower_uphill.toml"),
     Row("bank of 6 %, 80 km/h", "benchmarks/scenarios/bank.toml", settled_s=5.0),
     Row("side wind of 15 m/s, 80 km/h", "benchmarks/scenarios/side_wind.toml", settled_s=5.0),
     Row("braking on split friction", "split_friction"),

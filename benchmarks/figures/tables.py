@@ -101,6 +101,11 @@ TABLES: dict[str, tuple[str, Callable[[Figures], str]]] = {
         _rows(lambda row: not row.has_stop),
         ("mdk-net", *RIVALS),
     ),
+    "rivals_speed": _drives(
+        "{speed_rms_mps:.2f}, {speed_peak_mps:.2f}",
+        _rows(lambda row: row.changes_speed),
+        ("mdk-net", *RIVALS[::2]),
+    ),
     "lateral_error": _drives("{ey_rms_m:.3f}, {ey_peak_m:.3f}", _rows(lambda row: True)),
     "speed_and_wheel": _drives(
         "{speed_rms_mps:.2f}, {wheel_rate_rms_degps:.0f}", _rows(lambda row: True)

@@ -73,9 +73,13 @@ SEARCH = (
     ),
     _scenario("bend of 150 m, 70 km/h", 5.0, 70.0, road=_circle(150.0, "left")),
     *(
-        _scenario(f"bend of {radius_m} m to the {side}, {speed_kmh} km/h", 6.0, speed_kmh, road=road)
-        for radius_m, speed_kmh, side in ((50, 48.0, "left"), (28, 36.0, "right"))
-        for road in (_circle(radius_m, side, 15.0, 25.0),)
+        _scenario(
+            f"bend of {radius_m:g} m to the {side}, {kmh:g} km/h",
+            6.0,
+            kmh,
+            road=_circle(radius_m, side, 15.0, 25.0),
+        )
+        for radius_m, kmh, side in ((50.0, 48.0, "left"), (28.0, 36.0, "right"))
     ),
     _scenario("sine, 90 km/h", 4.0, 90.0, _sine(0.5, 0.5)),
     _scenario(
