@@ -159,12 +159,10 @@ class ControlStep:
         steering, echo = self._steering, self._receiver.command_echo
         accepted = []
         if echo is not None:
-            accepted = [
-                each
-                if each.mode is not Mode.STANDBY or self._at_takeover is None
-                else each._replace(control=self._at_takeover)
-                for each in self._outbox.contents_until(COMMAND, echo, LONGEST_DELAY + 1)
-            ]
+            accepted = self._outbox.contents_until(COMMAND, echo, LONGEST_DELAY + 1)
+        if self._at_takeover is not None:
+            before = Command(self._at_takeover, Mode.STANDBY)
+            accepted = [before if each.mode is Mode.STANDBY else each for each in accepted]
         is_ours = tick.is_driven and tick.state is not None and not tick.is_vehicle_braking
         if tick.feedback is None or len(accepted) <= LONGEST_DELAY or not is_ours:
             steering.note(None, None)

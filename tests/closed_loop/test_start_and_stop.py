@@ -213,7 +213,7 @@ def test_a_drive_that_begins_in_a_bend_begins_in_its_steady_turn(
     turn_radps = side * drive["vx_mps"][first] / radius_m
     assert drive["yaw_rate_radps"][first] == pytest.approx(turn_radps, rel=0.02)
     assert side * drive["steer_rad"][first] > 0.0
-    assert drive["throttle"][first] > 0.01
+    assert drive["throttle"][first] > 0.0
     assert drive.stop_s is None
     assert drive.errors.ey_peak_m < 0.05
     assert np.abs(drive["path_vx_mps"] - drive["vx_mps"])[first : first + 80].max() < 0.35
@@ -228,5 +228,5 @@ def test_a_car_without_the_grip_of_its_first_bend_begins_straight_ahead():
         "reference": {"speed_kmh": 70.0},
     }
     scenario = parse_scenario(content, "a test").with_friction(0.3)
-    with closing(open_session(BusSettings(channel="too fast"), scenario)) as session:
+    with closing(open_session(BusSettings(bus="virtual", channel="too fast"), scenario)) as session:
         assert session.bridge.applied == NEUTRAL_INPUT
