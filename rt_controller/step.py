@@ -160,7 +160,9 @@ class ControlStep:
         accepted = []
         if echo is not None:
             accepted = self._outbox.contents_until(COMMAND, echo, LONGEST_DELAY + 1)
-        if self._at_takeover is not None:
+        if accepted and accepted[-1].mode is not Mode.STANDBY:
+            self._at_takeover = None
+        elif self._at_takeover is not None:
             before = Command(self._at_takeover, Mode.STANDBY)
             accepted = [before if each.mode is Mode.STANDBY else each for each in accepted]
         is_ours = tick.is_driven and tick.state is not None and not tick.is_vehicle_braking
