@@ -23,6 +23,7 @@ from benchmarks.rivals.drive import (
     build_rival,
     drive_with,
     settings_of,
+    tuned_values,
 )
 from benchmarks.rivals.scenarios import NOISY, SEARCH
 from benchmarks.rivals.stanley import Gains
@@ -37,6 +38,7 @@ from sim_bridge.scenario import Scenario
 
 WORST = 10.0
 """cost of a drive whose errors are not finite"""
+NEARBY = 1.5
 _WEIGHTS = {
     "ey_m": (0.03, 0.6),
     "epsi_deg": (0.5, 8.0),
@@ -89,18 +91,24 @@ def main(
     controller: str,
     trials: Annotated[int, cyclopts.Parameter(validator=cyclopts.validators.Number(gte=1))] = 60,
     seed: int = 0,
+    nearby: Annotated[bool, cyclopts.Parameter(negative="")] = False,
     json: Annotated[Path | None, cyclopts.Parameter(name="--json")] = None,
 ) -> int:
     """Search the weights or gains of a controller; the first trial is that of its defaults.
 
+    The second one of a rival is the result of its last search.
+
     Args:
         controller: stanley, bicycle-mpc, bicycle-nmpc, a shipped model, or the folder of a bundle.
-        trials: number of trials, each eight drives.
+        trials: number of trials, each a drive of every scenario of the search.
         seed: of the search (TPE of Optuna).
+        nearby: search within a factor of 1.5 of the last result of a rival.
         json: file for the best values and their costs.
     """
     require_writable(json)
     space = _GAINS if controller == STANLEY else _WEIGHTS
+    if nearby:
+        space = {k: (v / NEARBY, v * NEARBY) for k, v in tuned_values(controller).items()}
     optuna.logging.set_verbosity(optuna.logging.WARNING)
     console = Console(stderr=True)
 
@@ -122,14 +130,17 @@ def main(
     study = optuna.create_study(sampler=optuna.samplers.TPESampler(seed=seed, multivariate=True))
     settings = settings_of({})
     known = {**settings.model_dump(), **settings.tolerance.model_dump(), **Gains()._asdict()}
-    study.enqueue_trial({name: known[name] for name in space})
+    if not nearby:
+        study.enqueue_trial({name: known[name] for name in space})
+    if controller in TUNED:
+        study.enqueue_trial(tuned_values(controller))
     study.optimize(run, n_trials=trials)
     best = study.best_trial
-    options = f"--controller {controller} --trials {trials} --seed {seed}"
+    options = f"--controller {controller} --trials {trials} --seed {seed}{' --nearby' * nearby}"
     figures = {
         "command": f"python -m benchmarks.tuning {options}",
         "cost": best.value,
-        "cost_of_defaults": study.trials[0].value,
+        f"cost_of_{'last' if nearby else 'defaults'}": study.trials[0].value,
         "costs": best.user_attrs,
         "values": {name: float(f"{value:.4g}") for name, value in best.params.items()},
     }

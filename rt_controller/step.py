@@ -21,7 +21,7 @@ from rt_controller.bus.send import DiscardBus, Outbox
 from rt_controller.contract.car import DEFAULT_CAR, Car
 from rt_controller.contract.faults import Fault, StopCause
 from rt_controller.contract.signals import NEUTRAL_INPUT, ControlInput, Mode
-from rt_controller.contract.timing import IDENT_PERIOD_TICKS
+from rt_controller.contract.timing import IDENT_PERIOD_TICKS, PERIOD_S
 from rt_controller.control.input_planner import InputPlanner, PlannedInput
 from rt_controller.control.low_speed import LowSpeedLaw
 from rt_controller.control.mpc import MOST_UNDER_WAY, Mpc
@@ -82,6 +82,8 @@ class ControlStep:
         self._steering = SteeringActuator(actuation_periods, car.limits.rate_per_s.steer_rad)
         self._sent = deque([NEUTRAL_INPUT] * MOST_UNDER_WAY, maxlen=MOST_UNDER_WAY)
         self._is_history_estimated = False
+        self._at_takeover: ControlInput | None = None
+        """the input that acted on the car before this controller drove; None: not known"""
 
     def run(
         self,
@@ -108,7 +110,10 @@ class ControlStep:
         end_stage()
 
         self._update_history(tick, applied, last)
-        plan = self._plan_input(tick, last)
+        before, of_car = last.control, None if tick.is_driven else tick.feedback
+        if of_car is not None:
+            before = of_car._replace(steer_rad=before.steer_rad)
+        plan = self._plan_input(tick, before, is_takeover=of_car is not None)
         tick.planned, tick.has_solver_failed = plan.control, plan.has_solver_failed
         tick.qp_iterations, tick.qp_ns = plan.qp_iterations, plan.qp_ns
         tick.periods_held, law = self._planner.periods_held, self._planner.law
@@ -125,11 +130,15 @@ class ControlStep:
             self._force_scale,
             is_held,
         )
-        wanted = input_for(tick.mode, plan.control, last.control, is_held, braking)
+        if tick.mode is Mode.STANDBY:
+            before = last.control
+        wheel_rad = None if of_car is None else of_car.steer_rad
+        wanted = input_for(tick.mode, plan.control, before, is_held, braking, wheel_rad)
         tick.limits = self._limits.with_wheel(self._most_steer_rad(tick))
-        control = tick.control = limit(wanted, last.control, tick.limits)
-        supervisor.note(control, plan.lifted)
-        self._sent.append(control)
+        control = tick.control = limit(wanted, before, tick.limits)
+        acting = control if of_car is None or tick.mode is not Mode.STANDBY else of_car
+        supervisor.note(acting, plan.lifted)
+        self._sent.append(acting)
         tick.faults = self._faults(tick, missed_deadline)
         self.last = tick
         end_stage()
@@ -151,6 +160,11 @@ class ControlStep:
         accepted = []
         if echo is not None:
             accepted = self._outbox.contents_until(COMMAND, echo, LONGEST_DELAY + 1)
+        if accepted and accepted[-1].mode is not Mode.STANDBY:
+            self._at_takeover = None
+        elif self._at_takeover is not None:
+            before = Command(self._at_takeover, Mode.STANDBY)
+            accepted = [before if each.mode is Mode.STANDBY else each for each in accepted]
         is_ours = tick.is_driven and tick.state is not None and not tick.is_vehicle_braking
         if tick.feedback is None or len(accepted) <= LONGEST_DELAY or not is_ours:
             steering.note(None, None)
@@ -168,11 +182,22 @@ class ControlStep:
             tick.feedback = None
         else:
             tick.applied = applied
+        if not tick.is_driven:
+            self._at_takeover = tick.feedback
+            tick.is_wheel_matched = tick.feedback is None or self._is_matched(tick.feedback)
         tick.late_ticks = steering.late_periods
         return applied
 
-    def _plan_input(self, tick: Tick, last: Tick) -> PlannedInput:
+    def _is_matched(self, of_car: ControlInput) -> bool:
+        """True if the last command had the angle of the wheel, as far as it may have it."""
+        most_rad, last_rad = self.last.limits.upper.steer_rad, self.last.control.steer_rad
+        wheel_rad = min(max(of_car.steer_rad, -most_rad), most_rad)
+        return abs(wheel_rad - last_rad) < self._limits.rate_per_s.steer_rad * PERIOD_S
+
+    def _plan_input(self, tick: Tick, before: ControlInput, is_takeover: bool) -> PlannedInput:
         """Plan from the state and the path that the supervisor accepts, or hold the last plan.
+
+        `before` is the input of the last period.
 
         A safe stop is planned too, with or without a mission: it is steered along the path, from
         the estimated state and along the last known path where they are not received.
@@ -192,11 +217,12 @@ class ControlStep:
             estimate.curvature_per_m,
             steering.slowed(path, state.vx_mps),
             preview,
-            last.control,
+            before,
             tick.periods,
             stops=is_stopping,
-            under_way=self._under_way(last.control),
+            under_way=self._under_way(before),
             steering_rate_radps=steering.rate_radps,
+            is_takeover=is_takeover,
         )
 
     def _under_way(self, last: ControlInput) -> tuple[ControlInput, ...]:

@@ -158,12 +158,12 @@ class Bridge:
         self._watchdog = ActuatorWatchdog()
         self._actuators = FailedActuators()
         self._in_transport = deque[Received[Command] | None]([None] * delay.transport_periods)
-        self._in_actuation = deque([NEUTRAL_INPUT] * delay.actuation_periods)
+        self._in_actuation = deque([car.first_input] * delay.actuation_periods)
         self._command: Received[Command] | None = None
         """the newest one that has arrived"""
         self._mode: Mode | None = None
         """of the command that is followed; None: there was none"""
-        self.applied = NEUTRAL_INPUT
+        self.applied = car.first_input
         """what pedals and steering wheel did in the last period"""
         self.has_failed = not car.is_sound
         """True if the motion is not finite or too fast; its states are sent as invalid"""
@@ -360,7 +360,7 @@ class Bridge:
         send(REFERENCE, run.path, now_ns, counter=counter)
         ahead = self.scenario.preview_ahead(run.s_m, run.state.vx_mps, run.path.v_mps)
         send(PREVIEW, ahead, now_ns, counter=counter)
-        if not self.is_waiting:
+        if not self.is_waiting or self.applied != NEUTRAL_INPUT:
             send(FEEDBACK, self.applied, now_ns)
         if counter % MISSION_PERIOD_TICKS == 0:
             send(MISSION, Mission(run.end_ticks == 0, False, MISSION_ID, MISSION_VALID_NS), now_ns)

@@ -6,7 +6,7 @@ from typing import NoReturn
 import numpy as np
 
 from rt_controller.contract.errors import PlantError, RtControllerError
-from rt_controller.contract.signals import AT_REST, ControlInput, VehicleState
+from rt_controller.contract.signals import AT_REST, NEUTRAL_INPUT, ControlInput, VehicleState
 from rt_controller.contract.timing import PERIOD_S
 from sim_bridge import frenet
 from sim_bridge.plant.protocol import Plant, RoadAt, RoadTakingPlant, require_motion
@@ -26,6 +26,8 @@ class Car:
         self._pose = np.zeros(3)
         self.state = AT_REST
         """at the end of the last period"""
+        self.first_input = NEUTRAL_INPUT
+        """that acts until a controller drives"""
         self.reset(v0_mps)
 
     def reset(
@@ -46,11 +48,17 @@ class Car:
             self._raise_named(f"the reset to {v0_mps:.2f} m/s", error)
         self._before[:] = motion
         self._pose[:] = (s_m, ey_m, epsi_rad)
-        self._steps = 0
+        self._steps, self.first_input = 0, NEUTRAL_INPUT
         velocities = self._before.tolist()
         ds_m = velocities[0] * cos(epsi_rad) * PERIOD_S
         self.state = VehicleState._make((*velocities, ds_m, ey_m, epsi_rad))
         return self.state
+
+    def begin_here(self, s_m: float, ey_m: float, epsi_rad: float, control: ControlInput) -> None:
+        """Take the present motion as that of the start, at this place and with this input."""
+        self._pose[:] = (s_m, ey_m, epsi_rad)
+        self._steps, self.first_input = 0, control
+        self.state = self.state._replace(ey_m=ey_m, epsi_rad=epsi_rad)
 
     def set_road(self, road: RoadAt) -> None:
         """Tell the plant the ground and the air of the coming period, if it takes them.

@@ -21,6 +21,7 @@ from sim_bridge.plant.protocol import Plant, require_plant
 from sim_bridge.scenario import Scenario, load_scenario
 from sim_bridge.scenario.loading import add_faults
 from sim_bridge.scenario_checks import require_road
+from sim_bridge.settling import settle
 
 OWN_CAR = CarSettings()
 LONGEST_STANDBY_S = 10.0
@@ -151,7 +152,7 @@ def build_car(scenario: Scenario, choice: CarSettings | Plant = OWN_CAR) -> Car:
                 f"Expected a plant that drives a first control period, found a failure of "
                 f"{plant.failure}. Correct the plant or its mapping."
             )
-        car.reset(start.speed_mps, start.ey_m, start.epsi_rad, start.s_m)
+        settle(car, start, scenario.road_at(start.s_m, 0.0))
         opened.pop_all()
     return car
 

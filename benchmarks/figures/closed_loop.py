@@ -24,7 +24,7 @@ from sim_bridge.scenario import Scenario, load_scenario
 ROOT = Path(__file__).parents[2]
 MODELS = ("mdk-net", "mdk-net-paper", "lti")
 RIVALS = ("bicycle-mpc", "bicycle-nmpc", "stanley")
-_TRUE = ("ey_rms_m", "ey_peak_m", "epsi_peak_rad", "speed_rms_mps")
+_TRUE = ("ey_rms_m", "ey_peak_m", "epsi_peak_rad", "speed_rms_mps", "speed_peak_mps")
 """figures that are measured at the car, not on the bus"""
 _OF_STOP = ("stop_error_m", "creep_m", "hold_steer_rad")
 _SLOW_MPS = 10.0
@@ -44,6 +44,8 @@ class Row(NamedTuple):
     settled_s: float = 0.0
     """length of the end of the drive in which the lateral error has settled; 0: it does not"""
     has_stop: bool = False
+    changes_speed: bool = False
+    """the error of the speed counts as much as the lateral one"""
 
 
 class Controller(NamedTuple):
@@ -59,6 +61,7 @@ class Controller(NamedTuple):
 
 _NOISE = {"sensor_noise_seed": _NOISE_SEED}
 _WET_AND_HEAVY = {"friction": 0.6, "mass_kg": _MASS_20_PERCENT_KG}
+_FAST_SINE = "sine of 0.7 Hz, 80 km/h"
 _LANE_CHANGES = {60: "lane_change_60", 80: "double_lane_change", 120: "lane_change_120"}
 ROWS = (
     *(Row(f"lane change, {v} km/h", name) for v, name in _LANE_CHANGES.items()),
@@ -72,6 +75,25 @@ ROWS = (
     Row("road course, no preview", "road_course", {"has_preview": False}),
     Row("bend of 100 m, 60 km/h", "benchmarks/scenarios/bend_100m.toml", settled_s=8.0),
     Row("bend of 200 m, 80 km/h", "benchmarks/scenarios/bend_200m.toml", settled_s=8.0),
+    Row("bend of 60 m, 45 km/h", "benchmarks/scenarios/bend_60m.toml", settled_s=5.0),
+    *(
+        Row(
+            f"bend of {radius_m} m to the {side}, {speed_kmh} km/h",
+            f"benchmarks/scenarios/bend_{radius_m}m.toml",
+            {"is_mirrored": side == "right"},
+        )
+        for radius_m, speed_kmh in ((40, 45), (20, 32))
+        for side in ("left", "right")
+    ),
+    Row("S-bends of 150 m, 90 km/h", "benchmarks/scenarios/s_bends.toml"),
+    *(
+        Row(name, f"benchmarks/scenarios/{file}.toml", changes_speed=True)
+        for name, file in (
+            ("bend of 400 m, 50 to 110 km/h", "accelerating_bend"),
+            ("grade of 10 %, 110 to 70 km/h", "slower_uphill"),
+        )
+    ),
+    Row(_FAST_SINE, "benchmarks/scenarios/fast_sine.toml"),
     Row("bank of 6 %, 80 km/h", "benchmarks/scenarios/bank.toml", settled_s=5.0),
     Row("side wind of 15 m/s, 80 km/h", "benchmarks/scenarios/side_wind.toml", settled_s=5.0),
     Row("braking on split friction", "split_friction"),
@@ -123,6 +145,7 @@ _AT_LIMITS = (
     "lane change, 60 km/h",
     "lane change over 38 m, 80 km/h",
     "sine, 60 km/h",
+    _FAST_SINE,
     "lane change, 80 km/h, friction 0.6, mass +20 %",
 )
 """where the solution of a nonlinear program may differ from its first linearisation"""
@@ -188,6 +211,11 @@ def scenario_of(row: Row) -> Scenario:
     conditions = row.conditions
     if "friction" in conditions:
         scenario = scenario.with_friction(conditions["friction"])
+    if conditions.get("is_mirrored"):
+        curvature = scenario.road.curvature_per_m
+        mirrored = replace(curvature, coefficients=-curvature.coefficients)
+        road = scenario.road.model_copy(update={"curvature_per_m": mirrored})
+        scenario = replace(scenario, road=road)
     if "mass_kg" in conditions:
         scenario = replace(scenario, payload=Payload(mass_kg=conditions["mass_kg"]))
     if "deceleration_mps2" in conditions:

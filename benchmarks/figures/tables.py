@@ -83,7 +83,7 @@ def _rows(shown: Callable[[Row], object]) -> list[str]:
 
 _LANE_CHANGES = [row.name for row in ROWS[:3]]
 _OF_README = re.compile(
-    "lane change, [0-9]+ km/h$|slalom|road course$|bend of 100|.*(0.6|vehicle 1)"
+    "lane change, [0-9]+ km/h$|slalom|road course$|bend of (100|40)|.*(0.6|vehicle 1)"
 )
 _SHORT = ("mdk-net", "edmd-bilinear", "mdk-net-paper", "lti")
 _STOP = "{stop_error_mm:.0f}, {creep_mm:.0f}, {mode_changes}, {pedal_changes}"
@@ -100,6 +100,11 @@ TABLES: dict[str, tuple[str, Callable[[Figures], str]]] = {
         "{ey_rms_m:.3f}, {wheel_rate_rms_degps:.0f}",
         _rows(lambda row: not row.has_stop),
         ("mdk-net", *RIVALS),
+    ),
+    "rivals_speed": _drives(
+        "{speed_rms_mps:.2f}, {speed_peak_mps:.2f}",
+        _rows(lambda row: row.changes_speed),
+        ("mdk-net", *RIVALS[::2]),
     ),
     "lateral_error": _drives("{ey_rms_m:.3f}, {ey_peak_m:.3f}", _rows(lambda row: True)),
     "speed_and_wheel": _drives(

@@ -7,7 +7,9 @@ MPC. Wheelbase, axles and steering ratio are those of the car.
 """
 
 import json
+from dataclasses import replace
 from functools import cache
+from math import inf
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -18,8 +20,9 @@ from scipy.optimize import least_squares
 from benchmarks.rivals.scenarios import FIT
 from rt_controller import simulate
 from rt_controller.contract.arrays import Array
+from rt_controller.contract.car import DEFAULT_CAR
 from rt_controller.contract.figures import write_figures
-from rt_controller.contract.limits import DEFAULT_GEOMETRY
+from rt_controller.contract.limits import DEFAULT_GEOMETRY, INPUT_LIMITS, PLAN_STEER_RAD
 from rt_controller.contract.signals import (
     AT_REST,
     GRAVITY_MPS2,
@@ -153,13 +156,19 @@ class Bicycle:
         return found.reshape(N_STATES, len(states), -1).transpose(1, 0, 2)
 
     def bundle(self) -> Bundle:
-        """The car linearised at 15 m/s: pedal gains at low speed, and the interface of `Mpc`."""
+        """The car linearised at 15 m/s: pedal gains at low speed, and the interface of `Mpc`.
+
+        Its wheel has the bounds of the plans of learned models.
+        """
         state = np.array(AT_REST._replace(vx_mps=_CARRIER_MPS))
         at_rest = np.zeros((self._horizon, N_INPUTS))
         derivatives = self.derivatives(np.tile(state, (self._horizon, 1)), at_rest, 0.0)[0]
         A, B_uc, B_uw = np.split(derivatives, [N_STATES, N_STATES + N_INPUTS], axis=1)
         following = self.predict(state, at_rest, 0.0)[1]
-        return Bundle.linear(A, B_uc, B_uw, following - A @ state, name="bicycle")
+        linear = Bundle.linear(A, B_uc, B_uw, following - A @ state, name="bicycle")
+        wide = INPUT_LIMITS.with_wheel(PLAN_STEER_RAD)
+        signal_range = np.array([(*wide.lower, -inf), (*wide.upper, inf)])
+        return replace(linear, signal_range=signal_range, car=DEFAULT_CAR)
 
 
 def fit() -> dict[str, Any]:

@@ -30,8 +30,11 @@ def _sine(amplitude_m: float, frequency_hz: float) -> dict[str, Any]:
     return {"kind": "sine", **sine}
 
 
-def _circle(radius_m: float, direction: str, entry_s_m: float = 20.0) -> dict[str, Any]:
-    bend = {"radius_m": radius_m, "direction": direction, "entry_s_m": entry_s_m, "spiral_m": 40.0}
+def _circle(
+    radius_m: float, direction: str, entry_s_m: float = 20.0, spiral_m: float = 40.0
+) -> dict[str, Any]:
+    ends = {"entry_s_m": entry_s_m, "spiral_m": spiral_m}
+    bend = {"radius_m": radius_m, "direction": direction, **ends}
     return {"curvature_per_m": {"kind": "circle", **bend}}
 
 
@@ -69,6 +72,15 @@ SEARCH = (
         {"kind": "slalom", "start_s_m": 10.0, "spacing_m": 30.0, "cones": 3},
     ),
     _scenario("bend of 150 m, 70 km/h", 5.0, 70.0, road=_circle(150.0, "left")),
+    *(
+        _scenario(
+            f"bend of {radius_m:g} m to the {side}, {kmh:g} km/h",
+            6.0,
+            kmh,
+            road=_circle(radius_m, side, 15.0, 25.0),
+        )
+        for radius_m, kmh, side in ((50.0, 48.0, "left"), (28.0, 36.0, "right"))
+    ),
     _scenario("sine, 90 km/h", 4.0, 90.0, _sine(0.5, 0.5)),
     _scenario(
         "side wind of 10 m/s, 90 km/h",

@@ -22,6 +22,7 @@ from rt_controller.contract.signals import (
     N_STATES,
     ControlInput,
     CurvaturePreview,
+    InputColumn,
     PathReference,
     StateColumn,
     VehicleState,
@@ -177,7 +178,13 @@ class Stanley:
         """Continue after another law."""
         self._pedals.resume(previous)
 
+    def limit_steering(self, most_rad: float, rate_radps: float) -> None:
+        """Bound the wheel; no car of the comparison has a slow one."""
+        bounds, wheel = self._bounds, InputColumn.steer_rad
+        bounds.upper[0, wheel] = most_rad / bounds.scale[0, wheel]
+        bounds.lower[0, wheel] = -bounds.upper[0, wheel]
+
     def _do_nothing(self, *_: Any) -> None:
         """There is no plan and no solver, and the cars of the comparison follow its commands."""
 
-    warm_up = limit_steering = limit_solve_time = predicted_states = _do_nothing
+    warm_up = limit_solve_time = assume_steady = predicted_states = _do_nothing

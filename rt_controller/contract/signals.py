@@ -128,7 +128,7 @@ class Mode(IntEnum):
     """Mode of the controller; sent in ACT_CMD and CTRL_HB."""
 
     STANDBY = 0
-    """no mission: pedals released, wheel returned to the middle"""
+    """no mission: pedals released, wheel where the car has it, or returned to the middle"""
     NOMINAL = 1
     """the first input of this tick's plan is sent"""
     HOLD_PLAN = 2

@@ -134,6 +134,19 @@ class Estimator:
         self.forget()
         self.disturbance[:] = 0.0
 
+    def assume_steady(self, psi: Array, applied: ControlInput, curvature_per_m: float) -> None:
+        """Take as disturbance what keeps a lifted state (n,) but for its speed under this input.
+
+        A driver who hands over may accelerate, and the disturbance of the speed is learned slowly.
+        """
+        predicted = psi
+        for _ in range(STEPS):
+            predicted = self.step(predicted, applied, curvature_per_m)
+        error = (psi - predicted)[:N_STATES]
+        error[StateColumn.vx_mps] = 0.0
+        found = self._response.cause(STEPS, error, float(psi[StateColumn.vx_mps]))
+        np.clip(found, -LARGEST_DISTURBANCE, LARGEST_DISTURBANCE, out=self.disturbance)
+
     def estimate(self, measured: VehicleState, curvature_per_m: float) -> VehicleState:
         """The state of this period, from its measurement and the estimate of the period before.
 

@@ -210,6 +210,13 @@ class Mpc:
         self._estimator.reset()
         self._integral_m = 0.0
 
+    def assume_steady(
+        self, state: VehicleState, curvature_per_m: float, applied: ControlInput
+    ) -> None:
+        """A drive begins with a car, `state` observed last, that turns steadily with this input."""
+        psi = self._encoder.lift(state, curvature_per_m)
+        self._estimator.assume_steady(psi, applied, curvature_per_m)
+
     def resume(self, previous: ControlInput) -> None:
         """Before the first plan after another law made the inputs, the last one `previous`."""
         self._pedals.resume(previous)

@@ -89,6 +89,7 @@ def input_for(
     previous: ControlInput,
     is_held: bool,
     braking: Braking = ALONG_PATH,
+    wheel_rad: float | None = None,
 ) -> ControlInput:
     """The input that is sent in `mode`.
 
@@ -98,17 +99,20 @@ def input_for(
         previous: input of the last period.
         is_held: True if the brake holds a standing car, by the last law that was chosen.
         braking: of a safe stop.
+        wheel_rad: angle to which somebody else has turned the wheel; None: not known.
     """
     if mode is Mode.STANDBY:
-        return stand_by(previous)
+        return stand_by(previous, wheel_rad)
     if mode is Mode.SAFE_STOP or planned is None:
         return safe_stop(previous, planned, is_held, braking)
     return planned
 
 
-def stand_by(previous: ControlInput) -> ControlInput:
-    """Input of one period of standby: pedals released, steering returning to zero."""
-    return ControlInput(throttle=0.0, brake_n=0.0, steer_rad=_towards_zero(previous.steer_rad))
+def stand_by(previous: ControlInput, wheel_rad: float | None = None) -> ControlInput:
+    """Input of one period of standby: pedals released, steering at the wheel or towards zero."""
+    if wheel_rad is None:
+        wheel_rad = _towards_zero(previous.steer_rad)
+    return ControlInput(throttle=0.0, brake_n=0.0, steer_rad=wheel_rad)
 
 
 def safe_stop(

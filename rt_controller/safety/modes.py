@@ -90,9 +90,12 @@ def classify(tick: Tick) -> tuple[Event, StopCause]:
         return Event.PLAN_LOST, StopCause.MISSION_LOST
     if tick.is_reset_requested and mode is Mode.SAFE_STOP and _is_standing(tick):
         return Event.RESET, StopCause.NONE
-    is_ready = tick.is_answered or mode is not Mode.STANDBY
+    is_ready = (tick.is_answered and tick.is_wheel_matched) or mode is not Mode.STANDBY
     if not tick.is_engaged or tick.is_vehicle_braking or not is_ready:
-        return Event.IDLE, StopCause.NONE  # a drive begins after the vehicle accepts commands
+        return (
+            Event.IDLE,
+            StopCause.NONE,
+        )  # a drive begins after the vehicle accepts commands, and without a turn of the wheel
     if tick.periods_held == 0:
         return _EVENT_OF_LAW[tick.law], StopCause.NONE
     may_hold = tick.planned is not None and tick.periods_held <= HOLD_PLAN_TICKS

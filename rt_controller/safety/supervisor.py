@@ -25,6 +25,7 @@ from rt_controller.safety.isolation import (
     isolate_path,
 )
 from rt_controller.safety.motion import (
+    MOVING_MPS,
     MotionPrediction,
     Residuals,
     have_moved,
@@ -159,7 +160,8 @@ class Supervisor:
                 heading_rad = state.epsi_rad - atan(path.c1)
                 away_mps = state.vx_mps * heading_rad + state.vy_mps
                 values[Quantity.ENGAGE_EY_M] = farthest_m(state.ey_m - path.c0_m, away_mps)
-                values[Quantity.ENGAGE_EPSI_RAD] = abs(heading_rad)
+                slip_rad = state.vy_mps / max(state.vx_mps, MOVING_MPS)  # of a car in a bend
+                values[Quantity.ENGAGE_EPSI_RAD] = abs(heading_rad + slip_rad)
                 failing = self._windows.failing(_OF_ENGAGEMENT)
                 self._paths.accept(path, state.vx_mps)
                 path = self._paths.follow(path, state.vx_mps, tick.periods)

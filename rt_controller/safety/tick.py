@@ -91,6 +91,8 @@ class Tick:
     """one of `BUS_CAUSES`, also in a safe stop that began for another reason"""
     state_loss: StopCause = StopCause.STATE_LOST
     """STATE_LOST or one of `RECOVERABLE_BUS_CAUSES`: the cause if no state arrives"""
+    is_wheel_matched: bool = True
+    """the commands of STANDBY have reached the angle of the steering wheel"""
     is_stop_requested: bool = False
 
     estimate: Estimate = NO_ESTIMATE

@@ -62,7 +62,7 @@ _SLOWEST_MPS = 1.0
 
 
 class Start(FileTable):
-    """`[initial]`: the car when the drive begins, settled and driving straight ahead."""
+    """`[initial]`: the car when the drive begins, settled on the road where it begins."""
 
     speed_mps: Annotated[
         Number,

@@ -156,7 +156,8 @@ def rows_of(log):
         elif frame.arbitration_id == FEEDBACK.codecs[0].arbitration_id:
             feedback = decode_frames(FEEDBACK, frame.data)
             assert feedback is not None
-            applied[-2] = feedback  # sent together with the state at the end of its period
+            if len(applied) > 1:  # the car waits with the input that keeps its bend
+                applied[-2] = feedback  # sent together with the state at the end of its period
     return np.hstack([np.array(states), np.array(applied)])
 
 

@@ -9,7 +9,7 @@ import pytest
 
 from rt_controller import simulate
 from rt_controller.contract.errors import BusError
-from rt_controller.contract.signals import Mode
+from rt_controller.contract.signals import NEUTRAL_INPUT, Mode
 from rt_controller.contract.timing import PERIOD_NS
 from rt_controller.loop import Ending
 from rt_controller.settings import BusSettings
@@ -186,3 +186,47 @@ def test_simulated_time_does_not_wait_without_end_for_a_controller():
         session.tick(PERIOD_NS)
         with pytest.raises(BusError, match="stays in STANDBY"):
             session.tick(11_000_000_000)
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+@pytest.mark.parametrize(
+    ("radius_m", "speed_kmh", "road", "car"),
+    [
+        (12.0, 20.0, {}, None),
+        (100.0, 60.0, {"grade_percent": 8.0}, None),
+        (100.0, 60.0, {"bank_deg": -3.4}, "c_class_125kw_fwd"),
+        (1000.0, 100.0, {}, "c_class_150kw_bev"),
+    ],
+)
+def test_a_drive_that_begins_in_a_bend_begins_in_its_steady_turn(
+    radius_m, speed_kmh, road, car, side
+):
+    content = {
+        "format": 2,
+        "name": "in a bend",
+        "duration_s": 5.0,
+        "road": {"curvature_per_m": side / radius_m, **road},
+        "reference": {"speed_kmh": speed_kmh},
+    }
+    drive = simulate(parse_scenario(content, "a test"), car=car)
+    first = int(np.argmax([mode.drives for mode in drive.modes]))
+    turn_radps = side * drive["vx_mps"][first] / radius_m
+    assert drive["yaw_rate_radps"][first] == pytest.approx(turn_radps, rel=0.02)
+    assert side * drive["steer_rad"][first] > 0.0
+    assert drive["throttle"][first] > 0.0
+    assert drive.stop_s is None
+    assert drive.errors.ey_peak_m < 0.05
+    assert np.abs(drive["path_vx_mps"] - drive["vx_mps"])[first : first + 80].max() < 0.35
+
+
+def test_a_car_without_the_grip_of_its_first_bend_begins_straight_ahead():
+    content = {
+        "format": 2,
+        "name": "too fast",
+        "duration_s": 1.0,
+        "road": {"curvature_per_m": 0.02, "friction": 0.85},
+        "reference": {"speed_kmh": 70.0},
+    }
+    scenario = parse_scenario(content, "a test").with_friction(0.3)
+    with closing(open_session(BusSettings(bus="virtual", channel="too fast"), scenario)) as session:
+        assert session.bridge.applied == NEUTRAL_INPUT

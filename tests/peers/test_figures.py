@@ -28,8 +28,8 @@ def drive_parts(measured: list[str], failing: str = "") -> list[Part]:
                 raise KeyboardInterrupt
             measured.append(name)
             return {**DRIVE, "speed_rms_mps": 0.02, "wheel_rate_rms_degps": 12.0,
-                    "ey_settled_m": 0.01, "stop_error_m": 0.01, "creep_m": 0.002,
-                    "mode_changes": 5, "pedal_changes": 3}  # fmt: skip
+                    "speed_peak_mps": 0.1, "ey_settled_m": 0.01, "stop_error_m": 0.01,
+                    "creep_m": 0.002, "mode_changes": 5, "pedal_changes": 3}  # fmt: skip
 
         return Part(name, ("lti",), measure)
 

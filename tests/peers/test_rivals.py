@@ -9,7 +9,7 @@ import pytest
 pytest.importorskip("casadi", reason="the extra [peers] is not installed")
 
 from benchmarks import tuning
-from benchmarks.figures.closed_loop import RIVALS
+from benchmarks.figures.closed_loop import RIVALS, ROWS, scenario_of
 from benchmarks.rivals.bicycle import Bicycle
 from benchmarks.rivals.drive import build_rival, drive_with, tuned_values
 from benchmarks.rivals.scenarios import FIT, SEARCH
@@ -60,10 +60,13 @@ def test_the_nonlinear_plan_is_a_fixed_point_of_its_linearisation():
 
 
 @pytest.mark.parametrize("name", ["bicycle-mpc", "stanley"])
-def test_a_rival_drives_a_scenario_to_its_end(name):
-    drive = drive_with(build_rival(name, tuned_values(name)), replace(SEARCH[1], duration_s=2.5))
+@pytest.mark.parametrize("side", ["left", "right"])
+def test_a_rival_drives_a_bend_beyond_the_usual_wheel_to_its_end(name, side):
+    bend = scenario_of(next(row for row in ROWS if f"20 m to the {side}" in row.name))
+    drive = drive_with(build_rival(name, tuned_values(name)), replace(bend, duration_s=8.0))
     assert drive.stop_s is None
-    assert drive.errors.ey_peak_m < 0.3
+    assert drive.errors.ey_peak_m < 0.1
+    assert np.degrees(np.abs(drive["steer_rad"])).max() > 100.0
 
 
 def test_a_search_stores_the_best_values_and_never_a_worse_one_than_the_defaults(

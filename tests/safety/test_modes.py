@@ -200,11 +200,12 @@ def test_a_plan_is_held_for_two_periods(periods_held, is_held):
     assert event is (Event.HOLDING if is_held else Event.PLAN_LOST)
 
 
-@pytest.mark.parametrize("is_answered", [False, True])
+@pytest.mark.parametrize("fact", ["is_answered", "is_wheel_matched"])
+@pytest.mark.parametrize("is_true", [False, True])
 @pytest.mark.parametrize("mode", [*DRIVING, Mode.STANDBY])
-def test_a_drive_begins_when_the_vehicle_accepts_commands(mode, is_answered):
-    event, _ = classify(with_(ALL_WELL, is_answered=is_answered, last_mode=mode))
-    is_idle = mode is Mode.STANDBY and not is_answered
+def test_a_drive_begins_when_commands_are_accepted_and_at_the_wheel(mode, is_true, fact):
+    event, _ = classify(with_(ALL_WELL, last_mode=mode, **{fact: is_true}))
+    is_idle = mode is Mode.STANDBY and not is_true
     assert event is (Event.IDLE if is_idle else Event.PLANNED)
 
 
@@ -212,7 +213,7 @@ def test_nothing_is_received_planned_or_decided_in_a_new_tick():
     tick = Tick()
     values = {field.name: getattr(tick, field.name) for field in fields(tick)}
     true = {name for name, value in values.items() if value is True}
-    assert true == {"is_answered"}
+    assert true == {"is_answered", "is_wheel_matched"}
     assert (tick.periods, tick.late_ticks, tick.periods_held) == (1, 0, 0)
     assert (tick.qp_iterations, tick.qp_ns, tick.curvature_per_m) == (0, 0, 0.0)
     assert {tick.mode, tick.last_mode, tick.law} == {Mode.STANDBY}
