@@ -50,28 +50,23 @@ from sim_bridge.toml_file import FileTable, Number, at_most
 
 PREVIEW_MIN_M = 4.0
 _CURVATURE_AT = np.linspace(0.0, 1.0, 33)
-_PREVIEW_NODES = np.linspace(0.0, 1.0, 25)[1:]
+_PREVIEW_NODES = np.linspace(0.0, 1.0, 13)[1:]
 _PREVIEW_TIMES_S = (REACH_S * _PREVIEW_NODES).tolist()
-_CUBES = np.maximum(_PREVIEW_NODES[:, None] - np.arange(INTERVALS + 2) / INTERVALS, 0.0) ** 3
-_BENDS = INTERVALS / 6.0 * np.diff(_CUBES, 2)
-"""lateral place by a unit of each of K1 to K4, linear between them: integrated twice"""
 _NODE_WEIGHTS = (_PREVIEW_NODES + 0.05) ** -2.0
 """of the fit: what is near is driven first, and by what is far the path is fitted again"""
-_BEND_WEIGHT = 0.01
-"""of a curvature over the reach squared: the cubic alone has to do where the road is not known"""
-_THROUGH_ORIGIN = (
-    np.linalg.pinv(
-        np.vstack(
-            (
-                _NODE_WEIGHTS[:, None]
-                * np.hstack((_PREVIEW_NODES[:, None] ** [1, 2, 3], _BENDS)),
-                _BEND_WEIGHT * np.eye(INTERVALS, 3 + INTERVALS, 3),
-            )
-        )
-    )[:, : len(_PREVIEW_NODES)]
-    * _NODE_WEIGHTS
+_POWERS = _PREVIEW_NODES[:, None] ** [1, 2, 3]
+_CUBIC_THROUGH_ORIGIN = _NODE_WEIGHTS * np.linalg.pinv(_NODE_WEIGHTS[:, None] * _POWERS)
+_CUBES = np.maximum(_PREVIEW_NODES[:, None] - np.arange(INTERVALS + 2) / INTERVALS, 0.0) ** 3
+_BENDS = INTERVALS / 6.0 * np.diff(_CUBES, 2)
+"""(nodes, 4) places by a unit of each of K1 to K4: the lines between them, integrated twice"""
+_BEND_PENALTY = 0.003
+"""of a curvature times the reach squared, in units of the places: no larger bends than needed"""
+_BENDS_OF_REST = np.linalg.solve(
+    _BENDS.T @ _BENDS + _BEND_PENALTY**2 * np.eye(INTERVALS),
+    _BENDS.T @ (np.eye(len(_POWERS)) - _POWERS @ _CUBIC_THROUGH_ORIGIN),
 )
-"""from places ahead to the cubic, and to what K1 to K4 add to its curvature"""
+_THROUGH_ORIGIN = np.vstack((_CUBIC_THROUGH_ORIGIN, _BENDS_OF_REST))
+"""from places ahead to the cubic, and to curvatures that follow what it lacks"""
 _SLOWEST_MPS = 1.0
 """lower limit of the speed that converts distances ahead to times"""
 
@@ -200,7 +195,7 @@ class Scenario:
     ) -> CurvaturePreview:
         """The curvature over the reach of `path_ahead`, as a path planner sends it.
 
-        That of the road, and what a cubic cannot follow of the path.
+        That of the road, and what the cubic lacks of the path.
         """
         reach_m = max(REACH_S * max(vx_mps, wanted_mps), PREVIEW_MIN_M)
         road = fit_preview(self.road.curvature_per_m(s_m + _CURVATURE_AT * reach_m), reach_m)
