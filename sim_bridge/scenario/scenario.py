@@ -59,11 +59,11 @@ _CUBIC_THROUGH_ORIGIN = _NODE_WEIGHTS * np.linalg.pinv(_NODE_WEIGHTS[:, None] * 
 _CUBES = np.maximum(_PREVIEW_NODES[:, None] - np.arange(INTERVALS + 2) / INTERVALS, 0.0) ** 3
 _BENDS = INTERVALS / 6.0 * np.diff(_CUBES, 2)
 """(nodes, 4) places by a unit of each of K1 to K4: the lines between them, integrated twice"""
-_BEND_PENALTY = 0.003
-"""of a curvature times the reach squared, in units of the places: no larger bends than needed"""
-_BENDS_OF_REST = np.linalg.solve(
-    _BENDS.T @ _BENDS + _BEND_PENALTY**2 * np.eye(INTERVALS),
-    _BENDS.T @ (np.eye(len(_POWERS)) - _POWERS @ _CUBIC_THROUGH_ORIGIN),
+_BEND_PENALTY = 0.01
+"""of a curvature times the reach squared, beside the weights: no larger bends than needed"""
+_BENDS_TO_FIT = np.vstack((_NODE_WEIGHTS[:, None] * _BENDS, _BEND_PENALTY * np.eye(INTERVALS)))
+_BENDS_OF_REST = (np.linalg.pinv(_BENDS_TO_FIT)[:, : len(_POWERS)] * _NODE_WEIGHTS) @ (
+    np.eye(len(_POWERS)) - _POWERS @ _CUBIC_THROUGH_ORIGIN
 )
 _THROUGH_ORIGIN = np.vstack((_CUBIC_THROUGH_ORIGIN, _BENDS_OF_REST))
 """from places ahead to the cubic, and to curvatures that follow what it lacks"""
