@@ -35,7 +35,7 @@ INTEGRAL_GAIN, LARGEST_INTEGRAL_M, INTEGRATED_M = 0.005, 0.03, 0.1
 """of the lateral error, in one period; a larger error is not integrated"""
 MOST_UNDER_WAY = 16
 """inputs that were sent and may not act yet"""
-MOST_NOMINAL_THROTTLE = 0.5
+MOST_NOMINAL_THROTTLE = 0.45
 """the model is linearised at most there: the power of an engine hardly changes beyond, and with no
 effect of the throttle in the QP an open one would stay open, or the wheel would do its work"""
 STRAIGHT_PATH = PathReference(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)

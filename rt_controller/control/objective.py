@@ -4,7 +4,7 @@ import numpy as np
 
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.errors import ArtifactError
-from rt_controller.contract.signals import N_INPUTS, N_STATES, InputColumn, StateColumn
+from rt_controller.contract.signals import N_INPUTS, N_STATES, StateColumn
 from rt_controller.contract.timing import PERIOD_S
 from rt_controller.control.linearisation import Linearisation
 from rt_controller.control.terms import Knots, TrackingCost
@@ -68,8 +68,6 @@ class Objective:
         if self._has_course:
             self._columns.remove(epsi)
         self._ey = self._columns.index(ey)
-        speeds = StateColumn.vx_mps, StateColumn.ds_m
-        self._speeds = [i for i, c in enumerate(self._columns) if c in speeds]
         # A state counts for all periods of its interval.
         weights = knots.intervals[:, None] * stage[[*self._columns, *[epsi] * self._has_course]]
         weights[-1] *= cost.terminal_factor
@@ -120,8 +118,6 @@ class Objective:
         self.length_m *= self._interval_s
         self._to_outputs(states[1:, self._columns], states[0, StateColumn.ey_m], self._outputs)
         self._to_outputs(linearisation.by_inputs, 0.0, self._by_inputs)
-        # No plan brakes by turning the wheel, also where the pedal has little effect.
-        self._by_inputs[:, self._speeds, InputColumn.steer_rad] = 0.0
         self._to_outputs(linearisation.by_curvature, 0.0, self._by_curvature)
         self._to_outputs(linearisation.by_psi, 0.0, self._by_psi)
         if self._has_course:
