@@ -358,7 +358,7 @@ class Bridge:
             self._faulty.begin_sending(run.ticks, now_ns)
         send(STATE, sample, now_ns, counter=counter, is_valid=not self.has_failed)
         send(REFERENCE, run.path, now_ns, counter=counter)
-        ahead = self.scenario.preview_ahead(run.s_m, run.state.vx_mps, run.path.v_mps)
+        ahead = self.scenario.preview_ahead(run.s_m, run.state.vx_mps, run.path.v_mps, run.time_s)
         send(PREVIEW, ahead, now_ns, counter=counter)
         if not self.is_waiting or self.applied != NEUTRAL_INPUT:
             send(FEEDBACK, self.applied, now_ns)

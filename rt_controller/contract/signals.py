@@ -102,7 +102,8 @@ class CurvaturePreview(NamedTuple):
     """Curvature of the road's reference line ahead of the car, positive to the left.
 
     k0 to k4 are its values 0, 1, … 4 spacings ahead, along the line. Between them it is linear, as
-    in a clothoid; behind the last it is constant. `preview.fit_preview` makes one from a map.
+    in a clothoid; behind the last it is constant. A sender may add to k1 to k4 what the cubic
+    of its path lacks. `preview.fit_preview` makes one from a map.
     """
 
     spacing_m: float

@@ -13,6 +13,7 @@ from rt_controller.contract.signals import (
     N_STATES,
     ControlInput,
     CurvaturePreview,
+    InputColumn,
     PathReference,
     StateColumn,
     VehicleState,
@@ -34,6 +35,9 @@ INTEGRAL_GAIN, LARGEST_INTEGRAL_M, INTEGRATED_M = 0.005, 0.03, 0.1
 """of the lateral error, in one period; a larger error is not integrated"""
 MOST_UNDER_WAY = 16
 """inputs that were sent and may not act yet"""
+MOST_NOMINAL_THROTTLE = 0.45
+"""the model is linearised at most there: the power of an engine hardly changes beyond, and with no
+effect of the throttle in the QP an open one would stay open, or the wheel would do its work"""
 STRAIGHT_PATH = PathReference(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
@@ -305,6 +309,8 @@ class Mpc:
             knots[:] = self.inputs[following]
         else:
             knots[:] = parameters.previous
+        throttle = knots[:, InputColumn.throttle]
+        np.minimum(throttle, MOST_NOMINAL_THROTTLE, out=throttle)
         np.dot(self._qp.interpolation, knots, out=parameters.nominal_inputs)
         self._qp.update_matrices(self._pedals.used_inputs(parameters.previous))
         return not self._qp.matrices_vary or self._solver.update_matrices()

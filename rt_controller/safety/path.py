@@ -26,7 +26,9 @@ def lateral_demand(
     reach_m = GRIP_AHEAD_S * max(speed_mps, 0.0)
     near_per_m = far_per_m = curvature_per_m
     if preview is not None:
-        near_per_m, far_per_m = preview.k1_per_m, preview.k3_per_m
+        near_per_m, far_per_m = (
+            preview.curvature_at(share * reach_m / preview.spacing_m) for share in (NEAR, FAR)
+        )
     bend, change = 2.0 * path.c2_per_m, 6.0 * path.c3_per_m2 * reach_m
     largest = max(
         abs(near_per_m + bend + NEAR * change),

@@ -10,7 +10,7 @@ import numpy as np
 from pydantic import AfterValidator, Field, field_validator
 
 from rt_controller.contract.arrays import Array
-from rt_controller.contract.preview import REACH_S, fit_preview
+from rt_controller.contract.preview import INTERVALS, LARGEST_PER_M, REACH_S, fit_preview
 from rt_controller.contract.signals import CurvaturePreview, PathReference
 from rt_controller.contract.timing import PERIOD_S
 from sim_bridge.faults.fault import Fault, Faults
@@ -54,9 +54,19 @@ _PREVIEW_NODES = np.linspace(0.0, 1.0, 13)[1:]
 _PREVIEW_TIMES_S = (REACH_S * _PREVIEW_NODES).tolist()
 _NODE_WEIGHTS = (_PREVIEW_NODES + 0.05) ** -2.0
 """of the fit: what is near is driven first, and by what is far the path is fitted again"""
-_CUBIC_THROUGH_ORIGIN = _NODE_WEIGHTS * np.linalg.pinv(
-    _NODE_WEIGHTS[:, None] * np.stack([_PREVIEW_NODES**k for k in (1, 2, 3)], axis=1)
+_POWERS = _PREVIEW_NODES[:, None] ** [1, 2, 3]
+_CUBIC_THROUGH_ORIGIN = _NODE_WEIGHTS * np.linalg.pinv(_NODE_WEIGHTS[:, None] * _POWERS)
+_CUBES = np.maximum(_PREVIEW_NODES[:, None] - np.arange(INTERVALS + 2) / INTERVALS, 0.0) ** 3
+_BENDS = INTERVALS / 6.0 * np.diff(_CUBES, 2)
+"""(nodes, 4) places by a unit of each of K1 to K4: the lines between them, integrated twice"""
+_BEND_PENALTY = 0.01
+"""of a curvature times the reach squared, beside the weights: no larger bends than needed"""
+_BENDS_TO_FIT = np.vstack((_NODE_WEIGHTS[:, None] * _BENDS, _BEND_PENALTY * np.eye(INTERVALS)))
+_BENDS_OF_REST = (np.linalg.pinv(_BENDS_TO_FIT)[:, : len(_POWERS)] * _NODE_WEIGHTS) @ (
+    np.eye(len(_POWERS)) - _POWERS @ _CUBIC_THROUGH_ORIGIN
 )
+_THROUGH_ORIGIN = np.vstack((_CUBIC_THROUGH_ORIGIN, _BENDS_OF_REST))
+"""from places ahead to the cubic, and to curvatures that follow what it lacks"""
 _SLOWEST_MPS = 1.0
 """lower limit of the speed that converts distances ahead to times"""
 
@@ -153,7 +163,7 @@ class Scenario:
         progress = progress or self.first_progress
         speed_mps = self.reference_speed_mps(s_m, time_s, progress)
         here = (np.array([value]) for value in (s_m, time_s, vx_mps, speed_mps))
-        c0_m, c1, c2_per_m, c3_per_m2 = self.cubics_ahead(*here)[0].tolist()
+        c0_m, c1, c2_per_m, c3_per_m2 = self.cubics_ahead(*here)[0, :4].tolist()
         return PathReference(
             c0_m=c0_m,
             c1=c1,
@@ -164,7 +174,7 @@ class Scenario:
         )
 
     def cubics_ahead(self, s_m: Array, time_s: Array, vx_mps: Array, wanted_mps: Array) -> Array:
-        """(n, 4) coefficients of the path over the distance ahead, ascending.
+        """(n, 8): the path ahead as a cubic, ascending, and curvatures that it lacks, as K1 to K4.
 
         Args:
             s_m: (n,) arc lengths.
@@ -177,13 +187,21 @@ class Scenario:
         here_m = self.ey_m(s_m, time_s)[:, None]
         ahead = reach_m * _PREVIEW_NODES
         ahead_m = self.ey_m(s_m[:, None] + ahead, time_s[:, None] + ahead / mean_mps) - here_m
-        scaled = ahead_m @ _CUBIC_THROUGH_ORIGIN.T
-        return np.hstack((here_m, scaled / reach_m ** np.array([1, 2, 3])))
+        scaled = ahead_m @ _THROUGH_ORIGIN.T
+        return np.hstack((here_m, scaled / reach_m ** np.array([1, 2, 3, *[2] * INTERVALS])))
 
-    def preview_ahead(self, s_m: float, vx_mps: float, wanted_mps: float) -> CurvaturePreview:
-        """The curvature of the road over the reach of `path_ahead`, as a path planner sends it."""
+    def preview_ahead(
+        self, s_m: float, vx_mps: float, wanted_mps: float, time_s: float = 0.0
+    ) -> CurvaturePreview:
+        """The curvature over the reach of `path_ahead`, as a path planner sends it.
+
+        That of the road, and what the cubic lacks of the path.
+        """
         reach_m = max(REACH_S * max(vx_mps, wanted_mps), PREVIEW_MIN_M)
-        return fit_preview(self.road.curvature_per_m(s_m + _CURVATURE_AT * reach_m), reach_m)
+        road = fit_preview(self.road.curvature_per_m(s_m + _CURVATURE_AT * reach_m), reach_m)
+        here = (np.array([value]) for value in (s_m, time_s, vx_mps, wanted_mps))
+        bends = np.clip(road[2:] + self.cubics_ahead(*here)[0, 4:], -LARGEST_PER_M, LARGEST_PER_M)
+        return CurvaturePreview(*road[:2], *bends.tolist())
 
     def with_friction(self, friction: float | None, right: float | None = None) -> "Scenario":
         """The same drive with the same friction everywhere; None: that of its own road.

@@ -30,7 +30,9 @@ ROAD = CurvaturePreview(4.0, 0.0, 0.001, 0.002, 0.003, 0.004)
 def test_the_demand_of_a_bend_is_that_of_road_and_path_together():
     bent = STRAIGHT._replace(c2_per_m=0.002)
     assert lateral_demand(bent, 0.003, None, 20.0) == pytest.approx(2.8)
-    assert lateral_demand(STRAIGHT, 0.0, ROAD, 20.0) == pytest.approx(1.2)
+    assert lateral_demand(STRAIGHT, 0.0, ROAD, 20.0) == pytest.approx(
+        400.0 * 0.001 * FAR * 10.0 / 4.0
+    )
 
 
 def test_a_bend_that_grows_along_the_path_counts_where_it_is_largest():
@@ -97,7 +99,7 @@ def test_a_path_turns_against_the_path_before():
 )
 def test_the_demand_is_the_larger_one_of_two_places_ahead(near_per_m, far_per_m, largest_per_m):
     path = STRAIGHT._replace(c2_per_m=0.0002, c3_per_m2=1e-5)
-    road = CurvaturePreview(4.0, 0.02, near_per_m, 0.02, far_per_m, 0.02)
+    road = CurvaturePreview(NEAR * 10.0, 0.02, near_per_m, 0.02, far_per_m, far_per_m)
     assert lateral_demand(path, 0.02, road, 20.0) == pytest.approx(400.0 * largest_per_m)
 
 

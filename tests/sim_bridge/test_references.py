@@ -151,6 +151,25 @@ def test_the_cubic_is_exact_at_the_car_and_close_over_the_preview(name: str) -> 
         np.testing.assert_allclose(cubic, wanted, atol=0.4)
 
 
+@pytest.mark.parametrize("name", ["sine_110", "iso_3888_1", "double_lane_change"])
+def test_cubic_and_curvature_ahead_together_are_close_over_the_preview(name: str) -> None:
+    drive = load_scenario(name)
+    speed_mps = drive.start.speed_mps
+    ahead_m = speed_mps * np.linspace(0.0, REACH_S, 331)
+    for time_s in np.arange(1.1, 10.0, 0.13):
+        s_m = speed_mps * time_s
+        path = drive.path_ahead(s_m, speed_mps, time_s)
+        ahead = drive.preview_ahead(s_m, speed_mps, speed_mps, time_s)
+        spacings = ahead.spacing_m * np.arange(5)
+        lacking = np.interp(
+            ahead_m, spacings, np.subtract(ahead[1:], drive.road.curvature_per_m.at(s_m))
+        )
+        slope = np.cumsum(lacking) * ahead_m[1]
+        found = np.polyval(path[3::-1], ahead_m) + np.cumsum(slope) * ahead_m[1]
+        wanted = drive.ey_m(s_m + ahead_m, time_s + ahead_m / speed_mps)
+        np.testing.assert_allclose(found, wanted, atol=0.1)
+
+
 def test_a_path_over_time_changes_where_the_nominal_drive_is_at_its_times() -> None:
     knots = {"t_s": [0.0, 4.0, 8.0], "value": [0.0, 0.0, 0.5], "interpolation": "pchip"}
     speed = {"t_s": [0.0, 10.0], "value": [36.0, 72.0]}
