@@ -136,20 +136,10 @@ class TrainingConfig(Settings):
     history_steps: int = Field(default=20, ge=0, le=PAST_STEPS)
     """past periods that the encoder reads"""
     separate_motion: bool = True
-    """the motion of the car has observables of its own, which do not depend on its place on the
-    road; without effect on signals without a path"""
-    path: Literal["exact", "learned"] = "exact"
-    """of a separate motion: exact: progress and place follow from the mean motion of each period by
-    the kinematics of the road; learned: from observables of the path"""
-    path_latents: int = Field(default=20, ge=0)
-    """those of the latents that describe a learned path; at most half of the learned ones"""
-    path_hidden: tuple[PositiveInt, ...] = (64, 64)
-    """widths of the hidden layers of the encoder of a learned path"""
+    """the observables are those of the motion, and progress and place on the road follow from it by
+    kinematics; without effect on signals that are not those of a car on a road"""
     bilinear_rank: int = Field(default=10, ge=0)
     """rank R of the bilinear part of B; 0: B is constant"""
-    path_rank: int = Field(default=5, ge=0)
-    """rank of a further bilinear part, which acts on a learned path alone; if the gains saturate,
-    curvature acts through gains too"""
     saturating_gains: bool = True
     """the bilinear part is bounded: each factor is the hyperbolic tangent of a linear function of
     the lifted state"""
@@ -213,14 +203,7 @@ PRESETS = {
     "recommended": RECOMMENDED,
     # The best model found with a constant B, as in the paper.
     "linear": RECOMMENDED.model_copy(
-        update={
-            "preset": "linear",
-            "latents": 60,
-            "path": "learned",
-            "bilinear_rank": 0,
-            "path_rank": 0,
-            "drift_rank": 0,
-        }
+        update={"preset": "linear", "bilinear_rank": 0, "drift_rank": 0}
     ),
     "paper": PAPER,
     # Algorithm 1 and eqs. (9)-(13) as printed, also where this costs accuracy; beyond the paper,

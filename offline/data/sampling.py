@@ -18,7 +18,7 @@ from offline.data.signals import (
     Roles,
     Scaling,
     Trajectories,
-    has_exact_path,
+    has_path,
     history_rows,
     mirror_signs,
     noise_matrix,
@@ -259,7 +259,7 @@ class NoisySource:
         *,
         on_path: bool = True,
     ) -> None:
-        """Without `on_path` the place on the road has no noise: an exact path passes it on."""
+        """Without `on_path` the place on the road has no noise: kinematics pass it on."""
         schema = dataset.schema
         heard = past_names(schema, dataset.roles)
         to_x = noise_matrix(schema.state_names, schema.dt_s) / scaling.x_scale
@@ -300,7 +300,7 @@ def open_source(config: TrainingConfig, dataset: Dataset, scaling: Scaling) -> S
     is_noisy = config.noise and set(STANDARD_DEVIATIONS) & set(dataset.schema.state_names)
     if not is_noisy:
         return source
-    on_path = not has_exact_path(config, dataset.schema)
+    on_path = not (config.separate_motion and has_path(dataset.schema))
     return NoisySource(source, dataset, scaling, config.noise, on_path=on_path)
 
 

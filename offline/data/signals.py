@@ -12,13 +12,12 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from offline.config import TrainingConfig
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.errors import DatasetError
 from rt_controller.contract.limits import INPUT_LIMITS
 from rt_controller.contract.signals import PATH_STATES, VEHICLE, InputColumn, Schema
 from rt_controller.model.dynamics import Matrices
-from rt_controller.model.path_kinematics import MeanMotion
+from rt_controller.model.path_kinematics import Movement
 from rt_controller.model.validation import DRIVABLE_HISTORY
 
 Array32 = NDArray[np.float32]
@@ -88,9 +87,9 @@ VEHICLE_ROLES = Roles(
 """of the car in the Frenet frame; its history leaves out the position relative to the road"""
 
 
-def has_exact_path(config: TrainingConfig, schema: Schema) -> bool:
-    """True if the path of the model follows from its motion by the kinematics of the road."""
-    return config.separate_motion and config.path == "exact" and schema == VEHICLE
+def has_path(schema: Schema) -> bool:
+    """True for the states of a car on a road, whose path follows from the motion by kinematics."""
+    return schema.states == VEHICLE.states and schema.exogenous[:1] == VEHICLE.exogenous
 
 
 def mirror_signs(names: tuple[str, ...], roles: Roles) -> Array:
@@ -162,13 +161,10 @@ class Scaling:
         if gains is not None:
             N, S = gains.N * s[:, None] / gains.factors(self.u_scale, self.w_scale), gains.S / s
             gains = gains._replace(N=N, S=S, s0=gains.s0 - S @ t)
-        means = scaled.means
-        if means is not None:
-            rows = means.S * s[: len(means.s0), None] / s
-            t_means = s[: len(means.s0)] * means.s0 + t[: len(means.s0)]
-            means = MeanMotion(rows, t_means - rows @ t)
-        c = t + s * scaled.c - A @ t
-        if means is not None:
+        c, movement = t + s * scaled.c - A @ t, scaled.movement
+        if movement is not None:
+            S = movement.S / s
+            movement = Movement(S, movement.s0 - S @ t)
             c[PATH_STATES] = 0.0  # not predicted by A
         return Matrices(
             A,
@@ -176,7 +172,7 @@ class Scaling:
             np.ascontiguousarray(scaled.B_uw * s[:, None] / self.w_scale),
             c,
             gains,
-            means,
+            movement,
         )
 
 

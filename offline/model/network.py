@@ -6,19 +6,11 @@ read exogenous signals and the history and add a layer of products, one observab
 B may depend on the lifted state, and gains and drift may saturate.
 
 The motion of a car on a plane does not depend on the road that is drawn on it: speeds and yaw rate
-follow from themselves and the inputs, while progress, lateral and heading error follow from the
-motion and the curvature. So psi = [x; latents of the motion; latents of the path; 1], and
-
-- the motion depends on the motion;
-- an exact path follows from the mean motion of each period by kinematics (`offline.model.path`);
-- the latents of a learned path depend on the motion and on themselves; there e_psi integrates, e_y
-  integrates, e_y also depends on e_psi, and nothing else on either.
-
-The eigenvalues of the two integrators are then exactly 1, and those of all other observables are
-those of two blocks without integrators. Signals without a path have one block of all observables.
+follow from themselves and the inputs. So psi = [x; latents of the motion; 1], the motion depends on
+the motion alone, and progress, lateral and heading error follow from it by kinematics
+(`offline.model.path`). Signals without a path have one block of all observables.
 """
 
-from collections.abc import Iterator
 from typing import NamedTuple
 
 import torch
@@ -28,8 +20,9 @@ from offline.config import TrainingConfig
 from offline.data.sampling import Instants
 from offline.model.encoder import Encoder, MakeEncoder
 from offline.model.observables import Observables, Sizes, observables_of
-from offline.model.path import ExactPath, Units
+from offline.model.path import Path, Units
 from offline.model.rollout import roll_out, roll_out_gains
+from rt_controller.contract.signals import PATH_STATES
 from rt_controller.model.dynamics import Shape
 from rt_controller.model.follow import Follow
 
@@ -69,9 +62,6 @@ class Term(NamedTuple):
     shape: Shape
     factors: tuple[int, ...]
     """columns of [u; w; 1], one for each gain"""
-    acts_on_path_alone: bool = False
-    is_determined_by_path: bool = False
-    """by the observables `Observables.is_gain_of_path`, otherwise by the motion"""
 
 
 class MdkNet(nn.Module):
@@ -107,13 +97,15 @@ class MdkNet(nn.Module):
         self.register_buffer("signal_range", signal_range)
         self.observables = observables_of(config, sizes)
         self.has_constant = config.constant_observable
-        self.path = ExactPath(self.observables, units) if self.observables.is_path_exact else None
-        self.reads_exogenous = config.lift_exogenous and self.path is None
+        has_path = self.observables.has_path
+        self.path = Path(self.observables, sizes.dt_s, units) if has_path else None
+        # The motion does not depend on the road, whose curvature is the first exogenous signal.
+        self.reads_exogenous = config.lift_exogenous and sizes.exogenous > int(has_path)
         self.history_steps = config.history_steps if sizes.remembered else 0
         self.follows = config.bilinear_follows if config.bilinear_rank else Follow.PREDICTION
         self.saturates = config.saturating_gains
-        self.terms = terms_of(config, sizes, self.observables)
-        self.encoders = nn.ModuleList(self._encoders(config, encoder))
+        self.terms = terms_of(config, sizes)
+        self.encoders = nn.ModuleList([self._encoder(config, encoder)])
         self._add_operator(config)
 
     @property
@@ -122,7 +114,7 @@ class MdkNet(nn.Module):
 
     def operator(self) -> Operator:
         """The matrices of eq. (6)."""
-        A = self.A_rows * self.A_learned + self.A_one
+        A = self.A_rows * self.A_learned
         B = self.B_rows * self.B_learned
         if not self.has_constant:
             return Operator(A, B)
@@ -161,7 +153,7 @@ class MdkNet(nn.Module):
         return psi if self.path is None else self.path(psi0, psi, w)
 
     def _roll_out(self, psi0: Tensor, u: Tensor, w: Tensor) -> Tensor:
-        """Lifted states; of an exact path without the path states."""
+        """Lifted states, the path states zero where they follow from the motion."""
         A, B = self.operator()
         if self.follows is Follow.PREDICTION and len(self.S):
             S, N = self.gains()
@@ -210,51 +202,43 @@ class MdkNet(nn.Module):
         weights = self.factors(signals[:, :m], signals[:, m:]) * slopes - self.is_saturation
         return A + (N * weights[:, None]) @ S
 
-    def _encoders(self, config: TrainingConfig, make: MakeEncoder | None) -> Iterator[Encoder]:
-        """One encoder, or those of the motion and of the path."""
-        sizes, known = self.sizes, self.observables
-        exogenous = range(sizes.exogenous if self.reads_exogenous else 0)
-        present = [*range(sizes.states), *(sizes.states + i for i in exogenous)]
-        history = [len(present) + i for i in range(self.history_steps * sizes.remembered)]
-        road = [sizes.states + i for i in exogenous if i in sizes.road]
-        of_motion = [column for column in present if column not in (*(known.path or ()), *road)]
-        groups = [(of_motion if known.path else present, history, config.hidden)]
-        if known.path_latents:
-            groups.append((present, [], config.path_hidden))
-        latents = (known.motion_latents, known.path_latents)
-        for (now, past, hidden), count in zip(groups, latents, strict=False):
-            yield Encoder(
-                [*now, *past],
-                len(now),
-                hidden,
-                count,
-                activation=nn.ReLU if config.activation == "relu" else nn.SiLU,
-                last_layer_share=(
-                    FADING_LAST_LAYER_SHARE if config.latents_start == "fading" else 1.0
-                ),
-                has_products=config.products,
-                make=make,
-            )
+    def _encoder(self, config: TrainingConfig, make: MakeEncoder | None) -> Encoder:
+        """That of the motion, or of all states."""
+        sizes = self.sizes
+        now = [*range(sizes.states)]
+        if self.path is not None:
+            del now[PATH_STATES]
+        road = 1 if self.path is not None else 0
+        if self.reads_exogenous:
+            now += range(sizes.states + road, sizes.states + sizes.exogenous)
+        first = sizes.states + (sizes.exogenous if self.reads_exogenous else 0)
+        history = range(first, first + self.history_steps * sizes.remembered)
+        return Encoder(
+            [*now, *history],
+            len(now),
+            config.hidden,
+            self.observables.latents,
+            activation=nn.ReLU if config.activation == "relu" else nn.SiLU,
+            last_layer_share=(FADING_LAST_LAYER_SHARE if config.latents_start == "fading" else 1.0),
+            has_products=config.products,
+            make=make,
+        )
 
     def _add_operator(self, config: TrainingConfig) -> None:
         """Parameters of A, B, N and S, and which of their entries are learned."""
         known, sizes = self.observables, self.sizes
-        rows, (learned, one) = known.n - int(self.has_constant), known.coupling()
-        is_motion = known.is_motion
+        rows, is_motion = known.n - int(self.has_constant), known.is_motion
         self.A_learned: Tensor
-        self.A_one: Tensor
         self.B_learned: Tensor
         self.N_learned: Tensor
         self.S_learned: Tensor
-        self._add_mask("A_learned", learned[:rows])
-        self._add_mask("A_one", one[:rows])
+        self._add_mask("A_learned", is_motion[:rows, None] & is_motion)
         self.A_rows = nn.Parameter(_first_operator(config, sizes, known)[:rows])
         columns = sizes.inputs + sizes.exogenous
-        of_road = torch.zeros(columns, dtype=torch.bool)
-        if known.path is not None:
-            of_road[[sizes.inputs + i for i in sizes.road]] = True
-        is_predicted = known.is_predicted[:rows, None]
-        self._add_mask("B_learned", ~(is_motion[:rows, None] & of_road) & is_predicted)
+        acts = torch.ones(columns, dtype=torch.bool)
+        if known.has_path:
+            acts[sizes.inputs] = False
+        self._add_mask("B_learned", is_motion[:rows, None] & acts)
         self.B_rows = nn.Parameter(INPUT_MATRIX_SPREAD * torch.randn(rows, columns))
         self._add_gains(rows)
 
@@ -270,12 +254,8 @@ class MdkNet(nn.Module):
         shape = torch.tensor([int(term.shape) for term in of_gain], dtype=torch.long)
         self.register_buffer("shape", shape, False)
         self._add_mask("is_saturation", shape == Shape.SATURATION)
-        on_path_alone = torch.tensor([t.acts_on_path_alone for t in of_gain], dtype=torch.bool)
-        by_path = torch.tensor([t.is_determined_by_path for t in of_gain], dtype=torch.bool)
-        determines = torch.where(by_path[:, None], known.is_gain_of_path, known.is_motion)
-        is_predicted = known.is_predicted[:rows, None]
-        self._add_mask("N_learned", ~(known.is_motion[:rows, None] & on_path_alone) & is_predicted)
-        self._add_mask("S_learned", determines)
+        self._add_mask("N_learned", known.is_motion[:rows, None].expand(rows, q))
+        self._add_mask("S_learned", known.is_motion.expand(q, known.n))
         self.N_rows = nn.Parameter(INPUT_MATRIX_SPREAD * torch.randn(rows, q))
         self.S = nn.Parameter(GAIN_SPREAD * torch.randn(q, known.n))
 
@@ -283,27 +263,16 @@ class MdkNet(nn.Module):
         self.register_buffer(name, learned.to(torch.get_default_dtype()), persistent=False)
 
 
-def terms_of(config: TrainingConfig, sizes: Sizes, known: Observables) -> tuple[Term, ...]:
+def terms_of(config: TrainingConfig, sizes: Sizes) -> tuple[Term, ...]:
     """The terms that are not linear, as `Shape` orders them.
 
-    Each input acts through gains of the motion; on the path also through gains of the path. Where
-    gains saturate, the path is also turned by the road's signals times gains of the motion, and the
-    motion without inputs saturates.
+    Each input acts through gains; where they saturate, the motion without inputs does too.
     """
     inputs, one = tuple(range(sizes.inputs)), sizes.inputs + sizes.exogenous
-    road = tuple(sizes.inputs + signal for signal in sizes.road)
-    has_learned_path = known.path is not None and not known.is_path_exact
-    path_rank = config.path_rank if has_learned_path and config.bilinear_rank else 0
-    shape = Shape.TANH if config.saturating_gains else Shape.LINEAR
-    terms = (
-        Term(shape, inputs * config.bilinear_rank),
-        Term(shape, inputs * path_rank, acts_on_path_alone=True, is_determined_by_path=True),
-    )
     if not config.saturating_gains:
-        return terms
+        return (Term(Shape.LINEAR, inputs * config.bilinear_rank),)
     return (
-        *terms,
-        Term(Shape.TANH, road * path_rank, acts_on_path_alone=True),
+        Term(Shape.TANH, inputs * config.bilinear_rank),
         Term(Shape.SATURATION, (one,) * config.drift_rank),
     )
 
@@ -320,9 +289,7 @@ def _first_operator(config: TrainingConfig, sizes: Sizes, known: Observables) ->
     start = torch.eye(n)
     if config.latents_start == "fading":
         low, high = torch.log(torch.tensor(FADING_S))
-        fading_s = torch.exp(torch.linspace(float(low), float(high), known.motion_latents))
-        latents = slice(sizes.states, sizes.states + known.motion_latents)
+        fading_s = torch.exp(torch.linspace(float(low), float(high), known.latents))
+        latents = slice(sizes.states, sizes.states + known.latents)
         start[latents, latents] = torch.diag(torch.exp(-sizes.dt_s / fading_s))
-    if known.path is not None and sizes.speed is not None:
-        start[known.path.ds, sizes.speed] = 1.0
     return start + OPERATOR_NOISE * torch.randn(n, n)

@@ -17,11 +17,10 @@ from offline.data.dataset import Dataset
 from offline.data.signals import Scaling, last_rows
 from offline.model.encoder import Encoder
 from offline.model.network import MdkNet, with_zero_row
-from offline.model.path import N_MEANS
 from rt_controller.contract.arrays import Array
 from rt_controller.model.dynamics import Gains, Matrices
 from rt_controller.model.lift import Lift, LiftSample
-from rt_controller.model.path_kinematics import MeanMotion
+from rt_controller.model.path_kinematics import Movement
 
 
 class PhysicalEncoder(nn.Module):
@@ -100,10 +99,10 @@ def physical_matrices(model: MdkNet, scaling: Scaling) -> Matrices:
     S, N = (_numbers(matrix) for matrix in model.gains())
     factor, shape = model.factor_columns.cpu().numpy(), model.shape.cpu().numpy()
     gains = Gains(N, S, np.zeros(len(S)), factor, shape, model.follows) if len(S) else None
-    means = None
+    movement = None
     if model.path is not None:
-        means = MeanMotion(_numbers(model.path.rows()), np.zeros(N_MEANS))
-    return scaling.to_physical(Matrices(A, B_uc, B_uw, np.zeros(len(A)), gains, means))
+        movement = Movement(*map(_numbers, model.path.movement()))
+    return scaling.to_physical(Matrices(A, B_uc, B_uw, np.zeros(len(A)), gains, movement))
 
 
 def scaling_of_lift(model: MdkNet, scaling: Scaling) -> tuple[Array, Array]:

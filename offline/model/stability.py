@@ -83,19 +83,19 @@ def driven_excess(model: MdkNet, psi0: Tensor) -> Tensor:
     psi0.
     """
     if not model.training:
-        return _radius_excess_of_blocks(model, model.driven_matrices(*all_corners(model))).mean()
+        return _radius_excess(model, model.driven_matrices(*all_corners(model))).mean()
     spread = psi0.detach().std(dim=0, unbiased=False)
     spread = torch.where(spread > LEAST_SPREAD, spread, torch.ones_like(spread))
     J = model.driven_matrices(*_drawn_points(model, psi0)) * spread[None, :] / spread[:, None]
     if model.has_constant:  # in which no two predictions differ
         J = J[:, :-1, :-1]
-    return (growth_excess(J, GROWTH_BOUND) + _radius_excess_of_blocks(model, J)).mean()
+    return (growth_excess(J, GROWTH_BOUND) + _radius_excess(model, J)).mean()
 
 
-def _radius_excess_of_blocks(model: MdkNet, J: Tensor) -> Tensor:
-    """(c,), added up over the blocks of observables."""
-    excess = [radius_excess(J[:, block][:, :, block]) for block in model.observables.blocks()]
-    return torch.stack(excess).sum(dim=0)
+def _radius_excess(model: MdkNet, J: Tensor) -> Tensor:
+    """(c,), of the observables that change."""
+    block = model.observables.changing
+    return radius_excess(J[:, block][:, :, block])
 
 
 def radius_excess(J: Tensor) -> Tensor:

@@ -46,7 +46,7 @@ def export_checkpoint(
         selftest_psi = physical(*tensors_of(selftest, lift)).double().numpy()
     selftest_psi[:, : model.sizes.states] = selftest.x
     # Without the widths of the perceptrons, --init refuses the bundle.
-    unknown = set() if encoder is None else {"hidden", "path_hidden"}
+    unknown = set() if encoder is None else {"hidden"}
     settings = {**config.model_dump(mode="json", exclude=unknown), "step": checkpoint.step}
     if encoder is not None:
         settings["encoder"] = "a module passed from Python"

@@ -36,11 +36,7 @@ STRUCTURE = (
     "products",
     "history_steps",
     "separate_motion",
-    "path",
-    "path_latents",
-    "path_hidden",
     "bilinear_rank",
-    "path_rank",
     "saturating_gains",
     "drift_rank",
     "bilinear_follows",
@@ -108,7 +104,7 @@ def choose_scaling(
     # The last encoder reads all states, and the exogenous signals if any does; that of a model with
     # an exact path reads the motion only.
     centre, spread = (weights[scaled[-1].replace("spread", each)] for each in ("centre", "spread"))
-    n = len(fitted.x_scale) if first_model.means is None else MOTION.stop
+    n = len(fitted.x_scale) if first_model.movement is None else MOTION.stop
     x_centre, x_scale = fitted.x_centre.copy(), fitted.x_scale.copy()
     x_centre[:n], x_scale[:n] = centre[:n], spread[:n]
     states, inputs = past_columns(dataset.schema, dataset.roles)
@@ -177,9 +173,8 @@ def _take_operator(model: MdkNet, bundle: Bundle, scaling: Scaling) -> None:
     model.B_rows.copy_(_float(B[:rows]))
     model.N_rows.copy_(_float(N[:rows]))
     model.S.copy_(_float(gains.S * s))
-    if model.path is not None and bundle.means is not None:
-        means = bundle.means.S * s / s[: len(bundle.means.S), None]
-        model.path.change.copy_(_float(means - np.eye(*means.shape)))
+    if model.path is not None and bundle.movement is not None:
+        model.path.take(_float(bundle.movement.S * s))
 
 
 def _weights(bundle: Bundle) -> dict[str, Array]:

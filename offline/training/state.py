@@ -133,7 +133,7 @@ def initialise(
     found = signal_range(dataset.select("train"), dataset.schema)
     scaled = torch.from_numpy(found / np.concatenate([scaling.u_scale, scaling.w_scale]))
     sizes = sizes_of(dataset.schema, dataset.roles)
-    units = units_of(scaling) if sizes.is_vehicle else None
+    units = units_of(scaling) if sizes.has_path else None
     model = MdkNet(config, sizes, scaled.float(), encoder, units).to(device)
     rng = torch.Generator().manual_seed(config.seed)
     return TrainingState(model, Optimizer(model, config), rng)

@@ -52,10 +52,10 @@ class Linearisation:
         gains, q = self._gains, self._gains.count
         self._path: PathDerivatives | None = None
         terms = _Terms(gains.S, gains.N, gains.factors)
-        if bundle.means is not None:
+        if bundle.movement is not None:
             columns = {StateColumn.ey_m, StateColumn.epsi_rad, *tracked}
             columns &= {*range(n)[PATH_STATES]}
-            self._path = PathDerivatives(bundle.means, sorted(columns))
+            self._path = PathDerivatives(bundle.movement, sorted(columns))
             terms = terms.with_path(self._path)
         self.is_linear = len(terms.S) == 0
         self._follow = bundle.gains.follows if bundle.gains else Follow.PREDICTION
@@ -158,9 +158,9 @@ class Linearisation:
 
     def _follow_path(self, derivatives: PathDerivatives, curvature_per_m: float) -> None:
         """Predict the path of the predicted motion, and weight its terms."""
-        means, of_path = self._bundle.means, self.observables[:, PATH_STATES]
-        assert means is not None
-        moved = self.observables[:-1] @ means.S.T + means.s0
+        movement, of_path = self._bundle.movement, self.observables[:, PATH_STATES]
+        assert movement is not None
+        moved = self.observables[:-1] @ movement.S.T + movement.s0
         of_path[1:] = path_of(moved, curvature_per_m, of_path[0])
         q = self._gains.count
         self._weights[:, q:], self._t[:, q:] = derivatives.at(moved, curvature_per_m, of_path)

@@ -35,7 +35,7 @@ from rt_controller.model.bundle import Bundle, PlanSample
 from rt_controller.model.dynamics import Gains, no_gains
 from rt_controller.model.follow import Follow
 from rt_controller.model.lift import Lift, LiftSample
-from rt_controller.model.path_kinematics import MeanMotion
+from rt_controller.model.path_kinematics import Movement
 from rt_controller.model.validation import check_field, require_fitting_parts
 
 SHIPPED_MODEL = "mdk-net"
@@ -77,8 +77,8 @@ OPTIONAL = {
     **dict.fromkeys(SteeringGeometry._fields, ("f", 0)),
     "car": ("U", 0),
     "signal_range": ("f", 2),
-    "means_S": ("f", 2),
-    "means_s0": ("f", 1),
+    "movement_S": ("f", 2),
+    "movement_s0": ("f", 1),
 }
 """fields that a bundle need not have"""
 PLANS = _table("""
@@ -145,7 +145,7 @@ def load_bundle(folder: Path) -> Bundle:
     bundle = Bundle(
         schema=Schema(states, inputs, exogenous, found["dt_s"]),
         gains=gains if any(map(np.size, gains[:-1])) else None,
-        means=_part(MeanMotion, "means", found) if "means_S" in found else None,
+        movement=_part(Movement, "movement", found) if "movement_S" in found else None,
         lift=lift,
         car=_car(path, found),
         plans=_part(PlanSample, "plan", found) if "plan_state" in found else None,
@@ -166,7 +166,7 @@ def _fields_of(bundle: Bundle) -> dict[str, Any]:
         "gains": bundle.gains or no_gains(bundle.n_observables),
         "selftest": bundle.selftest,
         "plan": bundle.plans,
-        "means": bundle.means,
+        "movement": bundle.movement,
     }
     signals = {kind: getattr(bundle.schema, name) for kind, name in SIGNALS.items()}
     texts = {

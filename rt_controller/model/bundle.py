@@ -21,7 +21,7 @@ from rt_controller.contract.limits import INPUT_LIMITS, SteeringGeometry
 from rt_controller.contract.signals import VEHICLE, InputColumn, Schema
 from rt_controller.model.dynamics import Gains
 from rt_controller.model.lift import STATES_ONLY, Lift, LiftSample, identity_encoder
-from rt_controller.model.path_kinematics import MeanMotion
+from rt_controller.model.path_kinematics import Movement
 
 
 class PlanSample(NamedTuple):
@@ -66,7 +66,7 @@ class Bundle:
     """(n,), the offset that remains from centring"""
     gains: Gains | None = None
     """None: the model is linear in psi"""
-    means: MeanMotion | None = None
+    movement: Movement | None = None
     """that the path follows from by kinematics; None: the path is predicted as all other states"""
     signal_range: Array | None = None
     """(2, m + p), lowest and highest value of each input and exogenous signal that the model was
@@ -203,8 +203,8 @@ class Bundle:
         matrices = {"A": self.A, "B_uc": self.B_uc, "B_uw": self.B_uw, "c": self.c}
         if gains is not None:
             matrices |= {"N": gains.N, "S": gains.S, "s0": gains.s0}
-        if self.means is not None:
-            matrices |= {f"means_{key}": part for key, part in self.means._asdict().items()}
+        if self.movement is not None:
+            matrices |= {f"movement_{key}": part for key, part in self.movement._asdict().items()}
         if self.signal_range is not None:
             matrices["signal_range"] = self.signal_range
         for key, matrix in matrices.items():

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.signals import PATH_STATES
 from rt_controller.model.follow import Follow
-from rt_controller.model.path_kinematics import MeanMotion, path_of
+from rt_controller.model.path_kinematics import Movement, path_of
 
 
 class Shape(IntEnum):
@@ -79,9 +79,9 @@ class Matrices(NamedTuple):
     c: Array
     gains: Gains | None = None
     """None: the model is linear in psi"""
-    means: MeanMotion | None = None
-    """None: the model predicts the path as all other observables; otherwise the path follows from
-    these by kinematics, and the rows of the path states above are zero"""
+    movement: Movement | None = None
+    """that the path states follow from by kinematics, their rows above being zero; None: they are
+    predicted as all other observables"""
 
 
 class Dynamics(Protocol):
@@ -98,7 +98,7 @@ class Dynamics(Protocol):
     @property
     def gains(self) -> Gains | None: ...
     @property
-    def means(self) -> MeanMotion | None: ...
+    def movement(self) -> Movement | None: ...
 
 
 class Step:
@@ -120,7 +120,7 @@ class Step:
         self.is_saturation: Array = np.asarray(gains.shape == Shape.SATURATION, dtype=np.float64)
         self.has_saturation = bool(self.is_saturation.any())
         self._by_psi = np.ascontiguousarray(np.vstack((model.A, self.S)).T)
-        self._means, self._curvature = model.means, m
+        self._movement, self._curvature = model.movement, m
         forcing = np.hstack((model.B_uc, model.B_uw, np.reshape(model.c, (n, 1))))
         self._by_inputs = np.hstack((forcing.T, np.zeros((m + p + 1, self.count))))
         self._by_inputs[-1, n:] = self.s0
@@ -132,10 +132,10 @@ class Step:
         The gains are those of the lifted states `followed` (..., n); None: of psi.
         """
         following = self._linear_and_gains(psi, inputs, followed)
-        if self._means is not None:
-            means = psi @ self._means.S.T + self._means.s0
+        if self._movement is not None:
+            moved = psi @ self._movement.S.T + self._movement.s0
             curvature = inputs[..., self._curvature, None]
-            path = path_of(means[..., None, :], curvature, psi[..., PATH_STATES])
+            path = path_of(moved[..., None, :], curvature, psi[..., PATH_STATES])
             following[..., PATH_STATES] = path[..., 0, :]
         return following
 

@@ -65,7 +65,7 @@ def require_fitting_parts(bundle: Bundle, path: Path | str) -> None:
         ),
         ("gains", gains, ((n, q), (q, n), (q,), (q,), (q,))),
         ("plan", bundle.plans, ((T, n_x), (T,), (T, 6), (T, m), (T, N, m))),
-        ("means", bundle.means, ((3, n), (3,))),
+        ("movement", bundle.movement, ((3, n), (3,))),
     )
     for kind, part, shapes in parts:
         if part is not None:
@@ -89,7 +89,7 @@ def require_fitting_parts(bundle: Bundle, path: Path | str) -> None:
         f"{m + p} in gains_factor where gains_shape is {Shape.SATURATION}",
         gains.factor,
     )
-    if bundle.means is not None:
+    if bundle.movement is not None:
         columns = [*range(n)[PATH_STATES]]
         refuse_unless(
             schema.states == VEHICLE.states and schema.exogenous == VEHICLE.exogenous,
@@ -97,7 +97,7 @@ def require_fitting_parts(bundle: Bundle, path: Path | str) -> None:
             f"{schema.state_names} and {schema.exogenous_names}",
         )
         forcing = np.hstack([bundle.B_uc, bundle.B_uw, bundle.c[:, None], gains.N])
-        reads_path = np.vstack([bundle.A, gains.S, bundle.means.S])[:, columns]
+        reads_path = np.vstack([bundle.A, gains.S, bundle.movement.S])[:, columns]
         refuse_unless(
             not (bundle.A[columns].any() or forcing[columns].any() or reads_path.any()),
             "zeros for the path states in A, B_uc, B_uw, c and the gains, where the path follows "

@@ -92,9 +92,6 @@ SMALL = {
 WITH_GAINS = {
     "history_steps": 3,
     "bilinear_rank": 2,
-    "path_latents": 1,
-    "path_hidden": (8,),
-    "path_rank": 1,
     "drift_rank": 1,
 }
 

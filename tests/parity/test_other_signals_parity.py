@@ -32,8 +32,8 @@ SCHEMAS = {
 def made(schema: Schema) -> tuple[MdkNet, Scaling]:
     torch.manual_seed(1)
     roles = Roles(centred=("vx_mps",), odd=None, past=("vx_mps", schema.input_names[0]))
-    small = {"hidden": (8,), "latents": 7, "path_latents": 2, "path_hidden": (6,)}
-    ranks = {"history_steps": HISTORY, "bilinear_rank": 2, "path_rank": 1, "drift_rank": 2}
+    small = {"hidden": (8,), "latents": 7}
+    ranks = {"history_steps": HISTORY, "bilinear_rank": 2, "drift_rank": 2}
     config = PRESETS["recommended"].model_copy(update=small | ranks)
     model = MdkNet(config, sizes_of(schema, roles)).eval()
     with torch.no_grad():

@@ -11,11 +11,12 @@ import onnx_bytes
 
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.signals import PATH_STATES
+from rt_controller.contract.timing import PERIOD_S
 from rt_controller.model.artifact import load_bundle, shipped_model
 from rt_controller.model.bundle import Bundle
 from rt_controller.model.dynamics import Dynamics, Gains, Shape, Step
 from rt_controller.model.lift import Lift, LiftSample
-from rt_controller.model.path_kinematics import MeanMotion
+from rt_controller.model.path_kinematics import Movement
 from rt_controller.model.validation import DRIVABLE_HISTORY
 
 N_LATENTS = 5
@@ -62,13 +63,13 @@ def make_bundle(
     parts = [_bend(B_uc, psi, rank, bend, rng, saturates)] if rank else []
     parts += [_drift(psi, drift, bend, rng)] if drift else []
     gains = join_gains(*parts) if parts else None
-    means = None
+    movement = None
     if has_exact_path:
         A[PATH_STATES] = A[:, PATH_STATES] = B_uc[PATH_STATES] = B_uw[PATH_STATES] = 0.0
         c[PATH_STATES] = gains.N[PATH_STATES] = gains.S[:, PATH_STATES] = 0.0
-        S = np.eye(3, n) + 0.01 * rng.normal(size=(3, n)) / psi.std(axis=0)
+        S = PERIOD_S * (np.eye(3, n) + 0.01 * rng.normal(size=(3, n)) / psi.std(axis=0))
         S[:, PATH_STATES] = 0.0
-        means = MeanMotion(S, 0.01 * rng.normal(size=3))
+        movement = Movement(S, 1e-3 * rng.normal(size=3))
     return replace(
         linear,
         name="made",
@@ -78,7 +79,7 @@ def make_bundle(
         B_uw=B_uw,
         c=c,
         gains=gains,
-        means=means,
+        movement=movement,
         lift=lift,
         encoder_onnx=write_encoder(lift, W, bias),
         selftest=sample,

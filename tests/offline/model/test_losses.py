@@ -34,8 +34,7 @@ SIZES = sizes_of(VEHICLE, VEHICLE_ROLES)
 
 def a_config(**changes: object) -> TrainingConfig:
     small = {"hidden": (8, 8), "latents": 6, "history_steps": HISTORY, "bilinear_rank": 2}
-    small |= {"path_latents": 2, "path_hidden": (6,), "path_rank": 1, "drift_rank": 2}
-    small |= {"path": "learned"}
+    small |= {"drift_rank": 2}
     return PRESETS["recommended"].model_copy(update={**small, **changes})
 
 

@@ -12,26 +12,18 @@ from offline.data.sampling import Instants
 from offline.data.signals import VEHICLE_ROLES, Roles
 from offline.model.encoder import Products
 from offline.model.network import FADING_S, MdkNet
-from offline.model.observables import (
-    Observables,
-    PathColumns,
-    Sizes,
-    path_columns,
-    sizes_of,
-)
+from offline.model.observables import Observables, Sizes, sizes_of
 from rt_controller.contract.signals import VEHICLE, Schema, Signal
 from rt_controller.model.follow import Follow
 
 SIZES = sizes_of(VEHICLE, VEHICLE_ROLES)
 STATES, LATENTS, HISTORY, RANK, BATCH = 6, 7, 3, 2, 4
-PATH_LATENTS = 2
 
 
 def a_config(**changes: object) -> TrainingConfig:
     """All extensions switched on; `changes` switch some off."""
     small = {"hidden": (8, 8), "latents": LATENTS, "history_steps": HISTORY, "bilinear_rank": RANK}
-    small |= {"path_latents": PATH_LATENTS, "path_hidden": (6,), "path_rank": 1, "drift_rank": 2}
-    small |= {"path": "learned"}
+    small |= {"drift_rank": 2}
     return PRESETS["recommended"].model_copy(update={**small, **changes})
 
 
@@ -55,10 +47,7 @@ def a_model(sizes: Sizes = SIZES, **changes: object) -> MdkNet:
         {"bilinear_rank": 3, "drift_rank": 0},
         {"bilinear_rank": 3},
         {"bilinear_rank": 2, "constant_observable": False},
-        {"bilinear_rank": 2, "path_rank": 0},
         {"separate_motion": False},
-        {"path": "exact"},
-        {"path": "exact", "constant_observable": False, "saturating_gains": False},
     ],
 )
 def test_a_roll_out_equals_the_recursion_written_out(changes, follows):
@@ -66,30 +55,26 @@ def test_a_roll_out_equals_the_recursion_written_out(changes, follows):
     assert_written_out(model)
 
 
-ROADS = Schema(
-    states=tuple(Signal(name, unit) for name, unit in VEHICLE.states),
-    inputs=(Signal("steer_rad", "rad"), Signal("force_n", "N")),
-    exogenous=(Signal("wind_mps", "m/s"), Signal("curvature_per_m", "1/m")),
-    dt_s=0.025,
-)
+ROAD, WIND = VEHICLE.exogenous[0], Signal("wind_mps", "m/s")
+INPUTS = (Signal("steer_rad", "rad"), Signal("force_n", "N"))
+ROLES = Roles(centred=(), odd=None, past=("steer_rad",))
 
 
 @pytest.mark.parametrize(
-    "sizes",
+    ("schema", "has_path"),
     [
-        Sizes(4, 2, 0, 5, 0.1),
-        Sizes(4, 2, 3, 5, 0.1),
-        sizes_of(ROADS, Roles(centred=(), odd=None, past=("steer_rad",))),
-        Sizes(6, 2, 3, 1, 0.1, PathColumns(5, 0, 2), (0, 2)),
-        Sizes(6, 1, 0, 1, 0.1, PathColumns(3, 4, 5), ()),
+        (Schema(VEHICLE.states, INPUTS, (ROAD, WIND), 0.02), True),
+        (Schema(VEHICLE.states, INPUTS, (WIND, ROAD), 0.025), False),
+        (Schema(VEHICLE.states, INPUTS, (), 0.025), False),
+        (Schema(VEHICLE.states[::-1], INPUTS, (ROAD,), 0.025), False),
+        (Schema(VEHICLE.states[:3], INPUTS, (ROAD,), 0.1), False),
     ],
-    ids=["no road", "no path", "wind and road", "two road signals", "path without road"],
+    ids=["road, then wind", "wind first", "no road", "other order", "no path"],
 )
-def test_a_roll_out_of_other_signals_equals_the_recursion_written_out(sizes):
-    model = a_model(sizes)
+def test_a_roll_out_of_other_signals_equals_the_recursion_written_out(schema, has_path):
+    model = a_model(sizes_of(schema, ROLES))
+    assert (model.path is not None) == has_path
     assert_written_out(model)
-    drift = a_config().drift_rank + bool(sizes.path) * len(sizes.road)
-    assert int((model.factor_columns >= sizes.inputs).sum()) == drift
 
 
 def assert_written_out(model: MdkNet) -> None:
@@ -121,15 +106,14 @@ def test_the_driven_matrix_is_the_derivative_of_a_step(changes):
 
 
 def test_fading_latents_start_with_the_configured_time_constants():
-    model = a_model(latents=23)
+    model = a_model(latents=21)
     A = model.operator().A.detach()
     latents = A.diagonal()[STATES : STATES + 20]
     assert latents[0].item() == pytest.approx(exp(-0.025 / FADING_S[0]), abs=0.01)
     assert latents[-1].item() == pytest.approx(exp(-0.025 / FADING_S[1]), abs=0.01)
     assert torch.all(latents.diff() > -0.01)
-    persistent = [0, 1, 2, 4, 5, 26, 27]
-    assert torch.allclose(A.diagonal()[persistent], torch.ones(7), atol=0.01)
-    assert A[-1].tolist() == [0.0] * 28 + [1.0]
+    assert torch.allclose(A.diagonal()[:3], torch.ones(3), atol=0.01)
+    assert A[-1].tolist() == [0.0] * 26 + [1.0]
 
 
 @pytest.mark.parametrize("name", PRESETS)
@@ -148,66 +132,27 @@ def test_the_first_roll_out_of_every_preset_is_bounded(name):
     assert psi.abs().max() < 100.0
 
 
-PATH = PathColumns(ds=3, ey=4, epsi=5)
-CAR = Observables(6, PATH, 3, 2, has_constant=True)
-"""12: three states of the motion, three of the path, 3 + 2 latents, the constant"""
-
-
-def test_the_path_is_found_by_its_names() -> None:
-    assert path_columns(VEHICLE) == PATH
-    turned = Schema(VEHICLE.states[::-1], VEHICLE.inputs, VEHICLE.exogenous, VEHICLE.dt_s)
-    assert path_columns(turned) == PathColumns(ds=2, ey=1, epsi=0)
-    planar = Schema((Signal("vx_mps", "m/s"), Signal("ey_m", "m")), (), (), 0.1)
-    assert path_columns(planar) is None
-
-
-@pytest.mark.parametrize("path", [PATH, PathColumns(0, 1, 2), PathColumns(5, 0, 3)])
-def test_the_coupling_is_that_of_a_car_on_a_road(path: PathColumns) -> None:
-    known = CAR._replace(path=path)
-    learned, one = known.coupling()
-    motion, on_road = known.is_motion, known.is_gain_of_path
-    for row in range(known.n):
-        if motion[row]:
-            assert learned[row].tolist() == motion.tolist()
-        elif row == path.ey:
-            expected = on_road.clone()
-            expected[path.epsi] = True
-            assert learned[row].tolist() == expected.tolist()
-        else:
-            assert learned[row].tolist() == on_road.tolist()
-    assert one.nonzero().tolist() == sorted([[path.ey, path.ey], [path.epsi, path.epsi]])
-    assert not (learned & one).any()
-
-
-def test_the_blocks_are_those_whose_eigenvalues_are_those_of_a() -> None:
-    """With the integrators and the constant, which have the eigenvalue 1; progress has 0."""
-    torch.manual_seed(0)
-    learned, one = CAR.coupling()
-    A = torch.randn(12, 12).double() * learned + one
-    A[-1] = torch.eye(12)[-1]
-    blocks = CAR.blocks()
-    assert [block.tolist() for block in blocks] == [[0, 1, 2, 6, 7, 8], [9, 10]]
-    of_blocks = [torch.linalg.eigvals(A[block][:, block]) for block in blocks]
-    known = torch.tensor([0.0, 1.0, 1.0, 1.0], dtype=torch.complex128)
-    expected = torch.cat([*of_blocks, known])
-    found = torch.linalg.eigvals(A)
-    assert (found[:, None] - expected[None, :]).abs().min(dim=1).values.max() < 1e-6
-    assert (found[:, None] - expected[None, :]).abs().min(dim=0).values.max() < 1e-6
+def test_the_block_that_changes_is_the_motion_without_the_constant() -> None:
+    """With the constant, which has the eigenvalue 1; the path states have 0."""
+    known = Observables(6, 3, has_constant=True, has_path=True)
+    assert known.changing.tolist() == [0, 1, 2, 6, 7, 8]
+    assert known.is_motion.tolist() == [True] * 3 + [False] * 3 + [True] * 4
+    one_block = known._replace(has_path=False, has_constant=False)
+    assert one_block.changing.tolist() == [*range(9)]
 
 
 SHOWN, PRESENT, ENCODED = 11, 4, 5
 MOTION, PATH_STATES = [0, 1, 2], [3, 4, 5]
 DS, EY, EPSI = PATH_STATES
 STEPS = 12
-LINEAR = {"bilinear_rank": 0, "path_rank": 0, "drift_rank": 0}
+LINEAR = {"bilinear_rank": 0, "drift_rank": 0}
 
 
 def a_car_on_a_road(**changes: object) -> MdkNet:
     """Every parameter differs from its initial value."""
     torch.manual_seed(1)
-    small = {"hidden": (8,), "latents": 9, "path_latents": 3, "path_hidden": (6,)}
-    small |= {"path": "learned"}
-    ranks = {"history_steps": HISTORY, "bilinear_rank": 2, "path_rank": 2, "drift_rank": 2}
+    small = {"hidden": (8,), "latents": 9}
+    ranks = {"history_steps": HISTORY, "bilinear_rank": 2, "drift_rank": 2}
     config = PRESETS["recommended"].model_copy(update={**small, **ranks, **changes})
     model = MdkNet(config, SIZES)
     with torch.no_grad():
@@ -234,10 +179,9 @@ def elsewhere(now: Instants, column: int) -> Instants:
     return now._replace(x=x)
 
 
-@pytest.mark.parametrize("path", ["learned", "exact"])
-def test_training_changes_only_what_is_learned(path):
-    """Entries that are zero or one by construction have no gradient."""
-    model, (now, u, w) = a_car_on_a_road(path=path), drive()
+def test_training_changes_only_what_is_learned():
+    """Entries that are zero by construction have no gradient."""
+    model, (now, u, w) = a_car_on_a_road(), drive()
     model.roll_out(model.lift(now), u, w).square().sum().backward()
     rows = len(model.A_rows)
     for parameter, learned in (
@@ -249,8 +193,8 @@ def test_training_changes_only_what_is_learned(path):
         assert parameter.grad is not None
         assert torch.equal(parameter.grad[learned == 0.0], torch.zeros(int((learned == 0).sum())))
         assert (learned == 0.0).any()
-    predicted_rows = model.observables.is_predicted[:rows]
-    assert model.A_rows.grad[predicted_rows, 0].abs().min() > 0.0
+    is_motion = model.observables.is_motion[:rows]
+    assert model.A_rows.grad[is_motion, 0].abs().min() > 0.0
 
 
 def test_every_product_of_two_signals_exists_once() -> None:
@@ -268,7 +212,7 @@ def test_every_product_of_two_signals_exists_once() -> None:
 def seen_on_the_road(model: MdkNet, now: Instants, u: Tensor, w: Tensor) -> tuple[bool, bool]:
     """Whether motion and path depend on a path state, or on curvature."""
     here = predicted(model, now, u, w)
-    others = [predicted(model, elsewhere(now, column), u, w) for column in (DS, EY, EPSI)]
+    others = [predicted(model, elsewhere(now, column), u, w) for column in (EY, EPSI)]
     others.append(predicted(model, now._replace(w=now.w + 5.0), u, w + 5.0))
     differ = [(other - here).abs().amax(dim=(0, 1)) for other in others]
     return (
@@ -303,20 +247,3 @@ def test_the_motion_depends_on_motion_inputs_and_history_and_not_on_the_road(cha
         assert not torch.allclose(other[..., MOTION], here[..., MOTION], atol=1e-3)
     together = a_car_on_a_road(separate_motion=False)
     assert seen_on_the_road(together, now, u, w) == (True, True)
-
-
-@variants
-def test_offsets_stay_and_that_of_the_heading_is_integrated_by_e_y_alone(changes):
-    """Of the lifted state: the latents of the path may depend on e_y."""
-    model, (now, u, w) = a_car_on_a_road(**changes).double(), drive()
-    now, u, w = Instants(*(part.double() for part in now)), u.double(), w.double()
-    with torch.no_grad():
-        psi0 = model.lift(now)
-        moved, expected = psi0.clone(), torch.zeros(STEPS, *psi0.shape).double()
-        moved[:, EY] += 3.0
-        moved[:, EPSI] += 0.5
-        difference = model.roll_out(moved, u, w) - model.roll_out(psi0, u, w)
-        slope = model.operator().A[EY, EPSI]
-    expected[..., EPSI] = 0.5
-    expected[..., EY] = 3.0 + 0.5 * slope * torch.arange(1, STEPS + 1).double()[:, None]
-    torch.testing.assert_close(difference, expected, rtol=1e-9, atol=1e-12)

@@ -25,8 +25,8 @@ from rt_controller.contract.signals import VEHICLE
 
 pytestmark = pytest.mark.usefixtures("double_precision")
 SIZES = sizes_of(VEHICLE, VEHICLE_ROLES)
-SMALL = {"hidden": (8,), "latents": 7, "path_latents": 2, "path_hidden": (6,), "history_steps": 2}
-RANKS = {"bilinear_rank": 2, "path_rank": 1, "drift_rank": 2, "path": "learned"}
+SMALL = {"hidden": (8,), "latents": 7, "history_steps": 2}
+RANKS = {"bilinear_rank": 2, "drift_rank": 2}
 WIDE = torch.tensor([[0.0, 0.0, -2.0, -1.5], [3.0, 2.5, 2.0, 1.5]])
 
 
@@ -79,7 +79,7 @@ def test_all_corners_of_a_box_are_enumerated() -> None:
     expected = set(product(*WIDE.t().tolist()))
     assert {tuple(row) for row in signals.tolist()} == expected
     assert len(signals) == 16
-    assert torch.equal(slopes, torch.ones(16, 2 * 3 + 1 * 3 + 1 + 2))
+    assert torch.equal(slopes, torch.ones(16, 2 * 3 + 2))
 
 
 @pytest.mark.parametrize("place", [0, 7, 10])

@@ -15,7 +15,7 @@ from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.signals import VEHICLE
 
 SIZES = sizes_of(VEHICLE, VEHICLE_ROLES)
-SMALL = {"hidden": (8, 8), "latents": 7, "path_latents": 2, "path_hidden": (6,)}
+SMALL = {"hidden": (8, 8), "latents": 7}
 
 
 def made(**changes: object) -> tuple[MdkNet, Optimizer, TrainingConfig]:

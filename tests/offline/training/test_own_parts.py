@@ -123,7 +123,7 @@ def test_its_bundle_starts_no_training(of_sines, toy_dataset, config, new_run):
     checkpoint = fitted(load_checkpoint(of_sines.best), toy_dataset, Sines)
     bundle, _ = export_checkpoint(checkpoint, toy_dataset, Sines)
     assert json.loads(bundle.training)["encoder"]
-    with pytest.raises(ConfigError, match="lacks hidden, path_hidden"):
+    with pytest.raises(ConfigError, match="lacks hidden"):
         with_structure_of(bundle, config, {})
     with pytest.raises(ArtifactError, match="without an encoder of its own"):
         train(config, toy_dataset, new_run(config), encoder=Sines, first_model=bundle)

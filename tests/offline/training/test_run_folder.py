@@ -40,7 +40,7 @@ def test_an_unknown_preset_is_refused_with_the_list_of_presets():
     ("name", "value"),
     [("steps", 0), ("forgetting", 1.5), ("learning_rate", -1.0), ("stability", "none"),
      ("windows", "some"), ("history_steps", PAST_STEPS + 1), ("horizon_start", STEPS + 1),
-     ("horizon_growth", 0.0), ("bilinear_rank", -1), ("path_hidden", (0,)), ("typo", 1)],
+     ("horizon_growth", 0.0), ("bilinear_rank", -1), ("hidden", (0,)), ("typo", 1)],
 )  # fmt: skip
 def test_a_setting_out_of_range_is_refused(name, value):
     with pytest.raises(ConfigError, match=rf"TrainingConfig\.{name}[:[]"):
@@ -50,7 +50,7 @@ def test_a_setting_out_of_range_is_refused(name, value):
 def test_the_preset_linear_is_recommended_without_the_bilinear_part_and_the_drift():
     recommended = PRESETS["recommended"]
     assert recommended.bilinear_rank > 0
-    changes = {"preset": "linear", "bilinear_rank": 0, "path_rank": 0, "drift_rank": 0}
+    changes = {"preset": "linear", "bilinear_rank": 0, "drift_rank": 0}
     assert PRESETS["linear"] == recommended.model_copy(update=changes)
 
 

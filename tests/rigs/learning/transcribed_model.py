@@ -4,7 +4,6 @@ import torch
 from torch import Tensor
 
 from offline.model.network import MdkNet
-from rt_controller.contract.timing import PERIOD_S
 from rt_controller.model.dynamics import Shape
 from rt_controller.model.follow import Follow
 
@@ -48,14 +47,14 @@ def with_path(model: MdkNet, before: Tensor, following: Tensor, curvature: Tenso
 
     The car is moved on a plane whose x axis touches the road, and projected onto the circle.
     """
-    vx, vy, yaw_rate = model.path.rows() @ before
+    S, s0 = model.path.movement()
+    ahead, left, turned = S @ before + s0
     _, ey, epsi = before[3:6]
-    turned = epsi + PERIOD_S * yaw_rate
-    middle = epsi + 0.5 * PERIOD_S * yaw_rate
-    x = PERIOD_S * (vx * middle.cos() - vy * middle.sin())
-    y = ey + PERIOD_S * (vx * middle.sin() + vy * middle.cos())
+    middle = epsi + 0.5 * turned
+    x = ahead * middle.cos() - left * middle.sin()
+    y = ey + ahead * middle.sin() + left * middle.cos()
     radius = 1.0 / curvature
     turn = torch.atan2(curvature * x, 1.0 - curvature * y)
     distance = torch.sqrt(x**2 + (radius - y) ** 2)
-    path = [turn * radius, radius - radius.sign() * distance, turned - turn]
+    path = [turn * radius, radius - radius.sign() * distance, epsi + turned - turn]
     return torch.cat([following[:3], torch.stack(path), following[6:]])
