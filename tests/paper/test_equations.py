@@ -287,7 +287,6 @@ def test_the_preset_paper_literal_trains_all_sixty_latents():
     assert the_encoder(model).layers[-1].out_features == 60
     assert torch.equal(model.operator().A, model.A_rows)
     assert model.A_learned.all()
-    assert not model.A_one.any()
 
 
 def test_roll_out_is_the_recursion_of_equation_6():

@@ -10,9 +10,10 @@ from offline.data.sampling import Instants
 from offline.data.signals import Roles, Scaling
 from offline.model.network import MdkNet
 from offline.model.observables import sizes_of
+from offline.model.path import units_of
 from offline.model.physical_units import PhysicalEncoder, physical_matrices, tensors_of, to_onnx
 from rt_controller.contract.arrays import Array
-from rt_controller.contract.signals import VEHICLE, Schema, Signal
+from rt_controller.contract.signals import PATH_STATES, VEHICLE, Schema, Signal
 from rt_controller.model.dynamics import Shape, roll_out
 from rt_controller.model.lift import Lift, LiftSample
 
@@ -35,20 +36,23 @@ def made(schema: Schema) -> tuple[MdkNet, Scaling]:
     small = {"hidden": (8,), "latents": 7}
     ranks = {"history_steps": HISTORY, "bilinear_rank": 2, "drift_rank": 2}
     config = PRESETS["recommended"].model_copy(update=small | ranks)
-    model = MdkNet(config, sizes_of(schema, roles)).eval()
+    rng = np.random.default_rng(2)
+    n_x, m, p = len(schema.states), len(schema.inputs), len(schema.exogenous)
+    at = schema.state_names.index("vx_mps")
+    centre, scale = np.zeros(n_x), rng.uniform(0.1, 0.5, n_x)
+    centre[at] = 20.0
+    u_scale, w_scale = rng.uniform(0.1, 50.0, m), rng.uniform(1e-3, 5e-3, p)
+    past = np.array([20.0, 0.0]), np.array([scale[at], u_scale[0]])
+    scaling = Scaling(centre, scale, u_scale, w_scale, *past)
+    sizes = sizes_of(schema, roles)
+    units = units_of(scaling) if sizes.has_path else None
+    model = MdkNet(config, sizes, units=units).eval()
     with torch.no_grad():
         for parameter in (model.B_rows, model.N_rows):
             parameter.add_(0.05 * torch.randn_like(parameter))
         for encoder in model.encoders:
             encoder.products.weights.weight.normal_(std=0.05)
-    rng = np.random.default_rng(2)
-    n_x, m, p = len(schema.states), len(schema.inputs), len(schema.exogenous)
-    at = schema.state_names.index("vx_mps")
-    centre, scale = np.zeros(n_x), rng.uniform(0.1, 5.0, n_x)
-    centre[at] = 20.0
-    u_scale = rng.uniform(0.1, 50.0, m)
-    past = np.array([20.0, 0.0]), np.array([scale[at], u_scale[0]])
-    return model, Scaling(centre, scale, u_scale, rng.uniform(1e-3, 5.0, p), *past)
+    return model, scaling
 
 
 def drive(scaling: Scaling) -> tuple[LiftSample, Array, Array]:
@@ -99,14 +103,18 @@ def test_the_matrices_in_physical_units_predict_what_the_network_predicts(schema
     assert {*matrices.gains.shape} == {Shape.TANH, Shape.SATURATION}
     found = roll_out(matrices, psi0, u, w, outputs=psi0.shape[1])
     spread = np.append(scaling.x_scale, np.ones(psi0.shape[1] - scaling.x_scale.size))
-    assert np.abs((found[:, 1:] - expected) / spread).max() < 1e-9
+    error = np.abs((found[:, 1:] - expected) / spread)
+    if model.path is not None:  # its scaling is in single precision
+        assert error[..., PATH_STATES].max() < 1e-4
+        error[..., PATH_STATES] = 0.0
+    assert error.max() < 1e-9
     assert np.abs((expected[:, -1] - psi0) / spread).max() > 0.1
 
 
 @pytest.mark.parametrize("name", ["no road", "path first"])
 def test_the_exported_encoder_lifts_as_the_network_does(name: str) -> None:
     model, scaling = made(SCHEMAS[name])
-    lift = Lift(True, HISTORY, ("vx_mps", SCHEMAS[name].input_names[0]))
+    lift = Lift(model.reads_exogenous, HISTORY, ("vx_mps", SCHEMAS[name].input_names[0]))
     shown, u, w = drive(scaling)
     encoder = PhysicalEncoder(model, scaling).eval()
     session = onnxruntime.InferenceSession(

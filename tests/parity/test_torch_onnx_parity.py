@@ -19,11 +19,13 @@ from offline.data.signals import VEHICLE_ROLES, Scaling, Trajectories
 from offline.model.bundle_predictor import BundlePredictor
 from offline.model.network import MdkNet
 from offline.model.observables import sizes_of
+from offline.model.path import units_of
 from offline.model.physical_units import PhysicalEncoder, physical_matrices, to_onnx
-from rt_controller.contract.signals import VEHICLE
+from rt_controller.contract.signals import PATH_STATES, VEHICLE
 from rt_controller.model.bundle import Bundle
 from rt_controller.model.follow import Follow
 from rt_controller.model.lift import Lift, LiftSample
+from rt_controller.model.path_kinematics import path_of
 
 STEPS = 80
 
@@ -71,7 +73,7 @@ class Exported(NamedTuple):
 def a_model(config: TrainingConfig) -> MdkNet:
     """Untrained, but with every parameter changed from its initial value."""
     torch.manual_seed(0)
-    model = MdkNet(config, sizes_of(VEHICLE, VEHICLE_ROLES))
+    model = MdkNet(config, sizes_of(VEHICLE, VEHICLE_ROLES), units=units_of(SCALING))
     with torch.no_grad():
         model.A_rows += 0.002 * torch.randn_like(model.A_rows)
         model.B_rows += 0.02 * torch.randn_like(model.B_rows)
@@ -83,12 +85,14 @@ def a_model(config: TrainingConfig) -> MdkNet:
             for layer in encoder.layers:
                 if isinstance(layer, torch.nn.Linear):
                     layer.bias += 0.1 * torch.randn_like(layer.bias)
+        if model.path is not None:
+            model.path.change.normal_(std=0.01)
     return model
 
 
-def lift_of(config: TrainingConfig) -> Lift:
-    fields = VEHICLE_ROLES.past if config.history_steps else ()
-    return Lift(config.lift_exogenous, config.history_steps, fields)
+def lift_of(model: MdkNet) -> Lift:
+    fields = VEHICLE_ROLES.past if model.history_steps else ()
+    return Lift(model.reads_exogenous, model.history_steps, fields)
 
 
 BY_NIGHT = {
@@ -109,8 +113,8 @@ BY_NIGHT = {
     scope="module",
 )
 def exported(request) -> Exported:
-    config = CONFIGS[request.param]
-    model, lift = a_model(config), lift_of(config)
+    model = a_model(CONFIGS[request.param])
+    lift = lift_of(model)
     encoder = PhysicalEncoder(model, SCALING).eval()
     return Exported(model, lift, to_onnx(encoder, lift, sample(drives(2), lift)))
 
@@ -149,7 +153,13 @@ def scaled(trajectories: Trajectories, model: MdkNet) -> Batch:
 
 
 def precise(model: MdkNet) -> MdkNet:
-    return copy.deepcopy(model).double()
+    """In double precision, also the scaling that the path is computed with."""
+    found = copy.deepcopy(model).double()
+    if found.path is not None:
+        found.path.centre = torch.from_numpy(SCALING.x_centre)
+        found.path.scale = torch.from_numpy(SCALING.x_scale)
+        found.path.curvature = torch.tensor(float(SCALING.w_scale[0]), dtype=torch.float64)
+    return found
 
 
 def lift_precisely(model: MdkNet, trajectories: Trajectories) -> NDArray[np.float64]:
@@ -219,7 +229,7 @@ def in_physical_units(psi: NDArray[np.float64]) -> NDArray[np.float64]:
 def test_the_roll_out_in_physical_units_equals_the_scaled_one(exported):
     """The folded operator with its offset and its gains, in double precision."""
     model, trajectories = exported.model, drives(4)
-    A, B_uc, B_uw, c, gains = physical_matrices(model, SCALING)
+    A, B_uc, B_uw, c, gains, movement = physical_matrices(precise(model), SCALING)
     batch = scaled(trajectories, model)
     u, w = batch.u.numpy() * SCALING.u_scale, batch.w.numpy() * SCALING.w_scale
     assert (gains is None) == (len(model.S) == 0)
@@ -232,7 +242,10 @@ def test_the_roll_out_in_physical_units_equals_the_scaled_one(exported):
             added = added_by_gains(gains, seen[model.follows], u[k], w[k])
             assert np.abs(added).max() > 1e-3
         undriven = w[k] @ B_uw.T + c
-        psi = psi @ A.T + u[k] @ B_uc.T + undriven + added
+        before, psi = psi, psi @ A.T + u[k] @ B_uc.T + undriven + added
+        if movement is not None:
+            moved = (before @ movement.S.T + movement.s0)[:, None]
+            psi[:, PATH_STATES] = path_of(moved, w[k], before[:, PATH_STATES])[:, 0]
         free = free @ A.T + undriven
     expected = in_physical_units(roll_out_scaled(model, trajectories)[-1])
     assert np.allclose(psi, expected, rtol=1e-9, atol=1e-9)
