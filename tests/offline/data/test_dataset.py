@@ -194,7 +194,7 @@ def test_the_name_of_a_cache_folder_depends_on_recipe_length_seed_and_car(monkey
         replace(first, plant_fingerprint="another car"),
     ]
     assert len({first.name, *(other.name for other in others)}) == 8
-    assert first.name == "7000-episodes-740dc0754217bc12"
+    assert first.name == "7000-episodes-56b9aac324be8873"
 
 
 def test_a_folder_that_cannot_be_made_is_refused(tmp_path):
