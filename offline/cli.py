@@ -24,7 +24,6 @@ from offline.commands.options import (
     Ranges,
     require_ready,
 )
-from offline.commands.tuning import tune
 from offline.config import PRESETS
 from offline.data.variation import RecipeName, choose_variation
 from offline.experiments.backend import Backend
@@ -35,9 +34,7 @@ from sim_bridge.plant.shipped_cars import DEFAULT_CAR
 
 LEAST_EPISODES = 10
 HELD_OUT = EvaluationOptions()
-_MAIN_OPTIONS = (
-    "VARIANTS SPACE preset steps seed seeds trials only folder data resume runs init json"
-)
+_MAIN_OPTIONS = "VARIANTS preset steps seed seeds only folder data resume runs init json"
 _TRAINING = {
     "Main options": _MAIN_OPTIONS,
     "Data": "episodes data-seed windows rare-share mirror noise",
@@ -49,7 +46,7 @@ _TRAINING = {
     "Model": "activation hidden latents latents-start constant-observable lift-exogenous products "
     "history-steps separate-motion path-latents path-hidden bilinear-rank path-rank "
     "saturating-gains drift-rank bilinear-follows",
-    "Machine and campaign": "threads device backend address jobs lists spaces search-seed",
+    "Machine and campaign": "threads device backend address jobs lists",
 }
 """options of offline-train, and of the commands that train many models, by group"""
 
@@ -85,7 +82,6 @@ ablate_app = new_app(
     "[VARIANTS]",
     _TRAINING,
 )
-tune_app = new_app("offline-tune", "Search for the settings of a training.", "[SPACE]", _TRAINING)
 
 
 @data_app.default
@@ -285,7 +281,6 @@ def replay(
 
 
 ablate_app.default(ablate)
-tune_app.default(tune)
 
 data_main = partial(run_command, data_app)
 import_main = partial(run_command, import_app)
@@ -295,4 +290,3 @@ evaluate_main = partial(run_command, evaluate_app)
 report_main = partial(run_command, report_app)
 replay_main = partial(run_command, replay_app)
 ablate_main = partial(run_command, ablate_app)
-tune_main = partial(run_command, tune_app)

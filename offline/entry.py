@@ -12,4 +12,3 @@ evaluate_main = partial(start, "offline-evaluate", "offline.cli", "evaluate_main
 report_main = partial(start, "offline-report", "offline.cli", "report_main")
 replay_main = partial(start, "offline-replay", "offline.cli", "replay_main")
 ablate_main = partial(start, "offline-ablate", "offline.cli", "ablate_main")
-tune_main = partial(start, "offline-tune", "offline.cli", "tune_main")

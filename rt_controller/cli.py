@@ -31,7 +31,7 @@ app = new_app(
         "Bus": "bitrate fd bus-option wait-s stay",
         "Simulated car (--bus virtual)": "plant plant-mapping friction friction-right "
         "transport-delay actuation-delay faults pace",
-        "Results": "mcap overwrite ticks quiet verbose max-misses",
+        "Results": "overwrite ticks quiet verbose max-misses",
         "Check of the model": "check model-trial",
     },
 )

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack, closing
 from dataclasses import replace
+from pathlib import Path
 from threading import Thread
 
 import can
@@ -29,9 +30,6 @@ from rt_controller.realtime.scheduling import (
 from rt_controller.realtime.timing import DeadlineAccount, KernelCounters
 from rt_controller.recording.journal import (
     BUS_FAILURE,
-    NO_FILES,
-    DrivenTick,
-    RecordingFiles,
     TickRecord,
     describe_run,
     open_recording,
@@ -118,7 +116,8 @@ class ControllerSession:
         bundle: Bundle,
         mpc: Mpc,
         clock: Clock,
-        files: RecordingFiles = NO_FILES,
+        log: Path | None = None,
+        replaces: bool = False,
         checks: Sequence[Check] | None = None,
     ) -> None:
         """Open bus and log, and check that the solver is fast enough; nothing is sent yet.
@@ -129,7 +128,8 @@ class ControllerSession:
             bundle: the model that `mpc` plans with.
             mpc: used by this session only.
             clock: of the loop; a `LockstepClock` makes the run independent of the machine.
-            files: what the drive is recorded to.
+            log: what the drive is recorded to, with a journal beside it; None: it is not.
+            replaces: replace an existing log.
             checks: of plausibility.
 
         Raises:
@@ -171,10 +171,11 @@ class ControllerSession:
             opened.callback(close_bus, bus)
             self._bus = bus
             header = describe_run(config, bundle, mpc.max_iterations, bus_settings.fd)
-            self.recorder = open_recording(files, bus_settings.channel, self.is_lockstep, header)
+            self.recorder = open_recording(
+                log, bus_settings.channel, self.is_lockstep, header, replaces
+            )
             if self.recorder is not None:
                 opened.callback(self.recorder.close)
-            self._mpc, self._keeps_plans = mpc, files.mcap is not None
             self.inbox, self.outbox, self._step, self._supervisor = build_node(
                 self._bus,
                 config,
@@ -266,9 +267,7 @@ class ControllerSession:
             None if measured.cause is None else measured.cause.value,
             {name: round(value, 1) for name, value in measured.times._asdict().items()},
         )
-        states = self._mpc.predicted_states() if self._keeps_plans else None
-        plan = None if states is None else (self._mpc.inputs.copy(), states)
-        recorder.record_event(DrivenTick(record, result, plan))
+        recorder.record_event(record)
 
     def _run(self, duration_s: float | None, waits_for_missions: bool, wait_s: float) -> None:
         settings, clock = self._settings, self._clock

@@ -12,7 +12,6 @@ from pydantic import Field, ValidationInfo, field_validator
 from rt_controller.contract.timing import LONGEST_S
 from rt_controller.settings import CAR_PRIORITY, BusSettings, CarSettings, SharedInterface
 from rt_controller.terminal.command_line import new_app, run_command
-from sim_bridge.plant.shipped_cars import DEFAULT_CAR
 
 _Speed = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
 
@@ -71,31 +70,6 @@ def run(*, options: Annotated[BridgeOptions, Parameter(name="*")]) -> int:
     from sim_bridge.run import run_at_terminal
 
     return run_at_terminal(options)
-
-
-@app.command
-def export_fmu(file: Path = Path("car.fmu"), *, car: str = DEFAULT_CAR) -> None:
-    """Build an FMU (FMI 2.0) of the own car for co-simulation, with its mapping file beside it.
-
-    The FMU is compiled C: it needs neither Python nor this package. Its sources are inside.
-
-    Parameters
-    ----------
-    file
-        where to write the FMU
-    car
-        the car's parameters: a shipped name, or the path of a .toml file
-    """
-    from rich.console import Console
-
-    from sim_bridge.fmu_export.archive import build_fmu
-
-    mapping = build_fmu(file, car)
-    Console(stderr=True).print(
-        f"{file} and {mapping} written. Try: sim-bridge --bus … --plant fmu:{file}",
-        highlight=False,
-        soft_wrap=True,
-    )
 
 
 @app.command

@@ -33,9 +33,9 @@ def _sine(amplitude_m: float, frequency_hz: float) -> dict[str, Any]:
 def _circle(
     radius_m: float, direction: str, entry_s_m: float = 20.0, spiral_m: float = 40.0
 ) -> dict[str, Any]:
-    ends = {"entry_s_m": entry_s_m, "spiral_m": spiral_m}
-    bend = {"radius_m": radius_m, "direction": direction, **ends}
-    return {"curvature_per_m": {"kind": "circle", **bend}}
+    per_m = (1.0 if direction == "left" else -1.0) / radius_m
+    knots = {"s_m": (entry_s_m, entry_s_m + spiral_m), "value": (0.0, per_m)}
+    return {"curvature_per_m": knots}
 
 
 def _over_time(*knots: tuple[float, float]) -> dict[str, Any]:

@@ -151,7 +151,7 @@ def config_of_data(
 def open_campaign_data(
     data: Path | None, config: TrainingConfig, chosen: TrainingConfig | None, backend: Backend
 ) -> tuple[CampaignData, dict[str, Any]]:
-    """The data set of a comparison or a study, and the fields of a configuration that follow.
+    """The data set of a comparison, and the fields of a configuration that follow.
 
     It is that of `ensure_dataset`, and comes with the errors of the linear model on it.
 

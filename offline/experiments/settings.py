@@ -1,6 +1,5 @@
 """Training configurations that a TOML file or a command line changes; every change is checked."""
 
-import shlex
 from collections.abc import Collection, Mapping, Sequence
 from importlib import resources
 from pathlib import Path
@@ -16,8 +15,6 @@ from rt_controller.mapping.toml_file import T, parse
 
 NONE = "none"
 """stands for None in TOML files"""
-OF_THE_DATA = ("episodes", "data_seed")
-"""fields that follow from the data set"""
 
 
 def _require_preset(name: str) -> str:
@@ -85,21 +82,3 @@ def require_consistent(
             f"{where}: expected no option for a field that is set here, found "
             f"{option((undone[0],))}. Leave it out."
         )
-
-
-def train_command(config: TrainingConfig, data: Path) -> str:
-    """The `offline-train` command of this configuration, on the data set in that folder."""
-    preset = PRESETS[config.preset]
-    options = [f"--preset {config.preset}"]
-    for field in TrainingConfig.model_fields:
-        value, name = getattr(config, field), option((field,))
-        if field in OF_THE_DATA or value == getattr(preset, field):
-            continue
-        if value is None or value is False:
-            options.append(name.replace("--", "--no-", 1))
-        elif value is True:
-            options.append(name)
-        else:
-            values = value if isinstance(value, tuple) else (value,)
-            options += [f"{name} {part}" for part in values]
-    return " ".join(("offline-train", *options, f"--data {shlex.quote(str(data))}"))

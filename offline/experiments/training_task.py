@@ -1,4 +1,4 @@
-"""One training of a comparison or a study, and its errors as ratios to those of a linear model.
+"""One training of a comparison, and its errors as ratios to those of a linear model.
 
 Its folder has its run and, once it ended, its result. The task may run in any process and on any
 machine that has the folder. A network is evaluated from its checkpoint, because exporting a bundle
@@ -7,7 +7,7 @@ takes seconds.
 
 import threading
 import time
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
 from datetime import datetime
 from functools import lru_cache
@@ -145,21 +145,12 @@ def make_folder(folder: Path) -> None:
         ) from error
 
 
-def run_training(
-    folder: Path,
-    config: TrainingConfig,
-    data: CampaignData,
-    on_evaluation: Callable[[int, Array], None] | None = None,
-) -> Result:
-    """The result of the training in that folder, read if it has ended before.
-
-    `on_evaluation` gets the step and the mean squared errors (n,) of each evaluation, and may raise
-    to end the training without a result.
-    """
+def run_training(folder: Path, config: TrainingConfig, data: CampaignData) -> Result:
+    """The result of the training in that folder, read if it has ended before."""
     result = load_result(folder, config, data)
     if result is None:
         with _ONE_TRAINING:
-            result = _train(folder, config, data, on_evaluation)
+            result = _train(folder, config, data)
         write_json(folder / RESULT_FILE, asdict(result))
     return result
 
@@ -195,12 +186,7 @@ def require_same(folder: Path, expected: Mapping[str, Any], found: Mapping[str, 
         )
 
 
-def _train(
-    folder: Path,
-    config: TrainingConfig,
-    data: CampaignData,
-    on_evaluation: Callable[[int, Array], None] | None,
-) -> Result:
+def _train(folder: Path, config: TrainingConfig, data: CampaignData) -> Result:
     dataset = _shared_dataset(data.folder, data.sha256)
     run = create_run(folder, config, data.folder, data.sha256, datetime.now())
     begun_s, step = time.process_time(), 0
@@ -209,8 +195,6 @@ def _train(
         nonlocal step
         if is_evaluated(state.step, config):
             step = state.step
-            if on_evaluation is not None:
-                on_evaluation(step, checkpoint_mse(load_checkpoint(run.last), dataset))
 
     try:
         train(config, dataset, run, on_progress=on_progress)

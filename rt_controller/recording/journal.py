@@ -21,9 +21,8 @@ from pydantic import ValidationError as Refused
 
 from rt_controller.bus.identity import dbc_hash
 from rt_controller.bus.log.log_file import LogFile
-from rt_controller.bus.log.recorder import RecordedFrame, Recorder, epoch_offset_ns
+from rt_controller.bus.log.recorder import RecordedFrame, Recorder, open_recorder
 from rt_controller.config import ControllerConfig
-from rt_controller.contract.arrays import Array
 from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.faults import StopCause
 from rt_controller.contract.files import open_regular
@@ -31,7 +30,6 @@ from rt_controller.contract.settings_errors import dotted, explain
 from rt_controller.contract.signals import ControlInput, Mode
 from rt_controller.model.artifact import find_model, load_bundle
 from rt_controller.model.bundle import Bundle
-from rt_controller.safety.tick import Tick
 
 FORMAT: Literal[1] = 1
 SUFFIX = ".journal"
@@ -93,16 +91,6 @@ class TickRecord:
     def frames(self, name: str) -> list[Any]:
         """All frames that were received, or sent, before the end of the tick."""
         return [frame for call in self.calls if call.name == name for frame in call.frames]
-
-
-class DrivenTick(NamedTuple):
-    """A tick as the controller computed it in this process, for a `Sink`."""
-
-    record: TickRecord
-    """without its calls, which the sinks see one by one"""
-    result: Tick
-    plan: tuple[Array, Array] | None
-    """inputs (N, 3) and predicted states (N + 1, 6), copied; None: not kept, or there is none"""
 
 
 class Header(BaseModel):
@@ -228,10 +216,9 @@ class Journal:
                 # The step uses frames with data only, and some formats reorder the others.
                 if n_logged >= 0 and not (entry.is_remote or entry.is_error):
                     self._add_frame(entry)
-            elif isinstance(entry, DrivenTick):
-                record = entry.record
-                line = {each.name: getattr(record, each.name) for each in fields(record)}
-                names = {"mode": record.mode.name, "cause": record.cause.name}
+            elif isinstance(entry, TickRecord):
+                line = {each.name: getattr(entry, each.name) for each in fields(entry)}
+                names = {"mode": entry.mode.name, "cause": entry.cause.name}
                 self._lines.append(_line({**line, **names, "calls": self._calls}))
                 self._calls = []
             else:
@@ -311,40 +298,19 @@ def _object(line: str | bytes) -> dict[str, Any]:
     return content
 
 
-class RecordingFiles(NamedTuple):
-    """Where a drive is recorded; None: not there."""
-
-    log: Path | None = None
-    """frames; its journal is written beside it"""
-    mcap: Path | None = None
-    """decoded signals, plan and cause"""
-    overwrites: bool = False
-    """replace existing files"""
-
-
-NO_FILES = RecordingFiles()
-
-
 def open_recording(
-    files: RecordingFiles, channel: str, is_lockstep: bool, header: Header
+    log: Path | None, channel: str, is_lockstep: bool, header: Header, replaces: bool = False
 ) -> Recorder | None:
-    """The recorder of a drive on a bus of this name; None if nothing is recorded.
+    """The recorder of a drive on a bus of this name; None if no log is named.
 
     In lockstep stamps are simulated time, and a slow disk is waited for.
     """
-    if files.log is None and files.mcap is None:
+    recorder = open_recorder(log, channel, is_lockstep, replaces)
+    if recorder is None:
         return None
-    offset_ns, replaces = epoch_offset_ns(is_lockstep), files.overwrites
-    recorder = Recorder(
-        files.log, channel, is_lockstep=is_lockstep, epoch_offset_ns=offset_ns, replaces=replaces
-    )
     try:
-        if recorder.path is not None and recorder.path.is_file():  # no device, no pipe
+        if recorder.path.is_file():  # no device, no pipe
             recorder.add(Journal(recorder.path, header, replaces))
-        if files.mcap is not None:
-            from rt_controller.recording.mcap import McapSink
-
-            recorder.add(McapSink(files.mcap, offset_ns, replaces, header.is_fd))
     except BaseException:
         recorder.close()
         raise

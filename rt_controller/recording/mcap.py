@@ -1,20 +1,20 @@
-"""Decoded signals, state, plan and cause of every tick as an MCAP file.
+"""Decoded signals, state, plan and cause of every replayed tick as an MCAP file.
 
 Topics: `/can/MESSAGE` for each message of the catalogue, `/state`, `/path`, `/plan`, `/controller`.
 The messages are JSON; their schemas have the unit of each number as its description. What is not
 available is left out.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import can
 from cantools.database.namedsignalvalue import NamedSignalValue
 
 from rt_controller.bus.codec import NOT_AVAILABLE
 from rt_controller.bus.dbc import dbc_path, read_dbc
 from rt_controller.bus.log.log_file import LogFile
-from rt_controller.bus.log.recorder import RecordedFrame
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.errors import needs_extra
 from rt_controller.contract.faults import Fault
@@ -26,14 +26,14 @@ from rt_controller.contract.signals import (
     VehicleState,
 )
 from rt_controller.contract.timing import PERIOD_S
-from rt_controller.recording.journal import DrivenTick
+from rt_controller.control.mpc import Mpc
+from rt_controller.recording.journal import TickRecord
+from rt_controller.recording.replay import ReplayedTick
+from rt_controller.safety.tick import Tick
 
 if TYPE_CHECKING:
     from foxglove import Channel
-    from foxglove.mcap import MCAPWriter
 
-_CHUNK_BYTES = 1 << 16
-"""of uncompressed messages; a killed program loses what it has not written"""
 _UNITS = {
     **dict(zip(VehicleState._fields, STATE_UNITS, strict=True)),
     **dict(zip(PathReference._fields, ("m", "1", "1/m", "1/m^2", "m/s", "m/s^2"), strict=True)),
@@ -46,8 +46,7 @@ _UNITS = {
 class _File:
     """What foxglove-sdk writes to, without seeking.
 
-    Given a path, the package would print a failed write and go on, so that a full disk would be
-    found at the end of the drive only. `LogFile` keeps the failure.
+    Given a path, the package would only print a failed write. `LogFile` keeps the failure.
     """
 
     def __init__(self, path: Path, replaces: bool) -> None:
@@ -69,69 +68,56 @@ class _File:
         """Every write has been passed on already."""
 
 
-class McapSink:
-    """`Sink` for an MCAP file."""
+class McapFile:
+    """An MCAP file of a replayed drive; the stamps are those of the clock of its loop."""
 
-    def __init__(
-        self, path: Path, epoch_offset_ns: int = 0, replaces: bool = False, is_fd: bool = False
-    ) -> None:
-        """Open the file, as `LogFile`; `epoch_offset_ns` is added to every stamp."""
+    def __init__(self, path: Path, replaces: bool = False, is_fd: bool = False) -> None:
+        """Open the file, as `LogFile`."""
         with needs_extra("record", "MCAP"):
             import foxglove
         from foxglove.mcap import MCAPWriteOptions
 
-        self.failure = ""
-        self._epoch_offset_ns = epoch_offset_ns
         self._file = _File(path, replaces)
-        self.path = self._file.log.path
         self._context = foxglove.Context()
         self._messages = {each.frame_id: each for each in read_dbc(dbc_path(is_fd)).messages}
         self._channels: dict[str, Channel] = {}
-        options = MCAPWriteOptions(chunk_size=_CHUNK_BYTES, disable_seeking=True)
-        self._writer: MCAPWriter | None = foxglove.open_mcap(
-            self._file, context=self._context, writer_options=options
-        )
+        options = MCAPWriteOptions(disable_seeking=True)
+        self._writer = foxglove.open_mcap(self._file, context=self._context, writer_options=options)
 
-    def append(self, entries: Sequence[object], n_logged: int) -> None:
-        try:
-            for entry in entries:
-                if isinstance(entry, RecordedFrame):
-                    self._add_frame(entry)
-                elif isinstance(entry, DrivenTick):
-                    self._add_tick(entry)
-        except Exception as error:  # of the package, which writes in its own code
-            self.failure = str(error)
-        if self._file.log.failure:
-            self.failure = self._file.log.failure
-            self._close_writer()  # it would print every further message as an error
+    @property
+    def failure(self) -> str:
+        """Why something is missing, for people; empty if nothing is."""
+        return self._file.log.failure
+
+    def add(self, tick: ReplayedTick, mpc: Mpc) -> None:
+        """A tick, the frames before it, and the plan that `mpc` has just made."""
+        for call in tick.recorded.calls:
+            for frame in call.frames:
+                self._add_frame(call.stamp_ns, frame)
+        if tick.recorded.tick >= 0:
+            self._add_tick(tick.recorded, tick.result)
+            if (states := mpc.predicted_states()) is not None:
+                self._log("/plan", tick.recorded.began_ns, _plan(mpc.inputs, states))
 
     def close(self) -> None:
-        self._close_writer()
+        """Complete the file."""
+        self._writer.close()
         self._file.log.close()
-        self.failure = self._file.log.failure or self.failure
 
-    def _close_writer(self) -> None:
-        writer, self._writer = self._writer, None
-        try:
-            if writer is not None:
-                writer.close()
-        except Exception as error:  # as above
-            self.failure = self.failure or str(error)
-
-    def _add_frame(self, frame: RecordedFrame) -> None:
-        message = self._messages.get(frame.identifier)
-        if message is None or frame.is_extended or frame.is_remote or frame.is_error:
+    def _add_frame(self, stamp_ns: int, frame: can.Message) -> None:
+        message = self._messages.get(frame.arbitration_id)
+        if message is None or frame.is_extended_id or frame.is_remote_frame or frame.is_error_frame:
             return
         try:
-            decoded = message.decode_simple(frame.data)
+            decoded = message.decode_simple(bytes(frame.data))
         except Exception:  # damaged, or shorter: the log of frames has its bytes
             return
         numbers = {name: _number(value) for name, value in decoded.items()}
         units = {signal.name: signal.unit or "1" for signal in message.signals}
-        self._log(f"/can/{message.name}", frame.stamp_ns, numbers, units)
+        self._log(f"/can/{message.name}", stamp_ns, numbers, units)
 
-    def _add_tick(self, tick: DrivenTick) -> None:
-        record, result, began_ns = tick.record, tick.result, tick.record.began_ns
+    def _add_tick(self, record: TickRecord, result: Tick) -> None:
+        began_ns = record.began_ns
         if result.state is not None:
             state = result.state._asdict()
             self._log("/state", began_ns, {**state, "curvature_per_m": result.curvature_per_m})
@@ -152,8 +138,6 @@ class McapSink:
             **record.times,
         }
         self._log("/controller", began_ns, content)
-        if tick.plan is not None:
-            self._log("/plan", began_ns, _plan(*tick.plan))
 
     def _log(
         self,
@@ -172,7 +156,7 @@ class McapSink:
             channel = Channel(topic, schema=schema, context=self._context)
             self._channels[topic] = channel
         available = {name: value for name, value in content.items() if value is not None}
-        channel.log(available, log_time=stamp_ns + self._epoch_offset_ns)
+        channel.log(available, log_time=stamp_ns)
 
 
 def _plan(inputs: Array, states: Array) -> dict[str, Any]:

@@ -37,10 +37,8 @@ class RunOptions(ControllerConfig, CarSettings, BusSettings):
     record: Path | None = None
     """write all frames to this candump log (.log), or to a new one in this folder; `replay` and
     `explain` read it with the .journal beside it"""
-    mcap: Path | None = None
-    """write decoded signals, plan and cause of every tick to this MCAP file"""
     overwrite: bool = False
-    """replace existing files of --record and --mcap, which otherwise are refused"""
+    """replace an existing log of --record, which otherwise is refused"""
     json_file: Annotated[Path | None, Parameter(name="--json")] = Field(None, alias="json")
     """write the summary to this JSON file"""
     plot: Path | None = None
@@ -91,7 +89,7 @@ class RunOptions(ControllerConfig, CarSettings, BusSettings):
                 outputs.
         """
         options: dict[str, str] = {}
-        for name in ("record", "mcap", "json_file", "ticks", "plot"):
+        for name in ("record", "json_file", "ticks", "plot"):
             path, option = getattr(self, name), f"--{name.removesuffix('_file')}"
             if path is None or (path.exists() and not path.is_file()):  # a folder, a device
                 continue

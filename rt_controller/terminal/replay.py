@@ -7,15 +7,12 @@ from pathlib import Path
 from rich.console import Console
 from threadpoolctl import threadpool_limits
 
-from rt_controller.bus.log.recorder import RecordedFrame
 from rt_controller.contract.figures import require_writable, write_figures
 from rt_controller.drive.scenario import EXIT_LIMIT
-from rt_controller.recording.journal import RECEIVED, SENT, DrivenTick
 from rt_controller.recording.replay import (
     FRAME,
     Difference,
     Replay,
-    ReplayedTick,
     differences,
     read_recorded_drive,
 )
@@ -46,16 +43,15 @@ def replay_at_terminal(
     ):
         drive = read_recorded_drive(log)
         replay = opened.enter_context(closing(Replay(drive, model)))
-        sink = None
+        file = None
         if mcap is not None:
-            from rt_controller.recording.mcap import McapSink
+            from rt_controller.recording.mcap import McapFile
 
-            sink = McapSink(mcap, 0, overwrite, drive.header.is_fd)
-            opened.enter_context(closing(sink))
+            file = opened.enter_context(closing(McapFile(mcap, overwrite, drive.header.is_fd)))
         for tick in replay.ticks():
             found += differences(tick)
-            if sink is not None:
-                sink.append(_entries(tick, replay), 0)
+            if file is not None:
+                file.add(tick, replay.mpc)
     changed = drive.header.changed_versions()
     for change in changed:
         show(f"note: {change}", is_quiet)
@@ -84,33 +80,9 @@ def replay_at_terminal(
             f"{missing_from} on: the queue or the disk was full. Later ticks cannot be compared; "
             f"record to a disk with more room",
         )
-    if sink is not None and sink.failure:
-        print_error(PROGRAM, f"{mcap}: expected room for the file, found {sink.failure}")
+    if file is not None and file.failure:
+        print_error(PROGRAM, f"{mcap}: expected room for the file, found {file.failure}")
     return EXIT_LIMIT if found or missing_from is not None else 0
-
-
-def _entries(tick: ReplayedTick, replay: Replay) -> list[object]:
-    """The frames of a tick as they were recorded, and what the controller computes from them."""
-    entries: list[object] = [
-        RecordedFrame(
-            call.stamp_ns,
-            call.name == SENT,
-            frame.arbitration_id,
-            frame.is_extended_id,
-            frame.is_remote_frame,
-            frame.is_error_frame,
-            frame.is_fd,
-            bytes(frame.data),
-        )
-        for call in tick.recorded.calls
-        if call.name in (RECEIVED, SENT)
-        for frame in call.frames
-    ]
-    if tick.recorded.tick >= 0:
-        states = replay.mpc.predicted_states()
-        plan = None if states is None else (replay.mpc.inputs.copy(), states)
-        entries.append(DrivenTick(tick.recorded, tick.result, plan))
-    return entries
 
 
 def _to_table(found: list[Difference]) -> Table:

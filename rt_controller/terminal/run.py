@@ -26,7 +26,6 @@ from rt_controller.model.bundle import Bundle
 from rt_controller.model.validation import explain_missing_plans
 from rt_controller.node import build_mpc, choose_low_speed_car
 from rt_controller.realtime.clock import Clock, LockstepClock, RealtimeClock
-from rt_controller.recording.journal import NO_FILES, RecordingFiles
 from rt_controller.report.table import Fact, facts_table, print_table
 from rt_controller.safety.modes import BUS_CAUSES, RECOVERABLE_BUS_CAUSES
 from rt_controller.session import ControllerSession
@@ -112,9 +111,9 @@ def run_at_terminal(options: "RunOptions") -> int:
                 for note in (steering, grip_note(car, options.friction)):
                     if note is not None:
                         show(f"note: {note}", options.quiet)
-            files = RecordingFiles(options.record, options.mcap, options.overwrite)
+            log = None if options.check else options.record
             session = ControllerSession(
-                options, options, bundle, mpc, clock, NO_FILES if options.check else files
+                options, options, bundle, mpc, clock, log, options.overwrite
             )
             opened.callback(session.close)
             if options.check:

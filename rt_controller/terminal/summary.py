@@ -204,7 +204,7 @@ def to_table(
 
 def _log_line(session: ControllerSession) -> str:
     recorder = session.recorder
-    if recorder is None or recorder.path is None:
+    if recorder is None:
         return ""
     lost = f": {recorder.last_failure}" if recorder.last_failure else ""
     return f"{recorder.path}, {recorder.written} frames, {recorder.dropped} dropped{lost}"

@@ -21,7 +21,6 @@ FLAGS = ("-std=c99", "-O2", "-fPIC", "-shared", "-fvisibility=hidden", "-ffp-con
 SOURCES = Path(__file__).with_name("c")
 BUILT = Path(__file__).with_name("built")
 """where the compiled car is, in an installation and in a checkout"""
-_LIBRARY_FLAGS = ("-DCAR_LIBRARY",)
 _NAMES = ("cc", "gcc", "clang")
 _TIMEOUT_S = 300.0
 
@@ -51,9 +50,7 @@ def find_compiler() -> list[str]:
     )
 
 
-def compile_library(
-    files: Sequence[Path], library: Path, further_flags: Sequence[str] = ()
-) -> None:
+def compile_library(files: Sequence[Path], library: Path) -> None:
     """Compile the files into one shared library; a file of that name is replaced at once.
 
     Raises:
@@ -62,7 +59,7 @@ def compile_library(
     """
     compiler = find_compiler()
     part = library.with_name(f".{library.name}.{os.getpid()}")
-    command = [*compiler, *FLAGS, *further_flags, "-o", str(part), *map(str, files), "-lm"]
+    command = [*compiler, *FLAGS, "-o", str(part), *map(str, files), "-lm"]
     try:
         done = subprocess.run(
             command, check=False, capture_output=True, text=True, timeout=_TIMEOUT_S
@@ -83,7 +80,7 @@ def compile_library(
 
 def car_library_name() -> str:
     """File name of the car that is compiled from the present sources for this kind of processor."""
-    digest = hashlib.sha256(" ".join(FLAGS + _LIBRARY_FLAGS).encode())
+    digest = hashlib.sha256(" ".join(FLAGS).encode())
     for file in sorted(SOURCES.iterdir()):
         digest.update(file.read_bytes())
     return f"car-{platform.machine()}-{digest.hexdigest()[:16]}.so"
@@ -99,7 +96,7 @@ def compile_car(folder: Path) -> Path:
     library = folder / car_library_name()
     if not library.exists():
         folder.mkdir(parents=True, exist_ok=True)
-        compile_library(sorted(SOURCES.glob("*.c")), library, _LIBRARY_FLAGS)
+        compile_library(sorted(SOURCES.glob("*.c")), library)
         for other in set(folder.glob(f"car-{platform.machine()}-*.so")) - {library}:
             other.unlink(missing_ok=True)
     return library

@@ -19,57 +19,10 @@ from sim_bridge.scenario.limits import (
 )
 from sim_bridge.scenario.opendrive import ReferenceLine, read_reference_line
 from sim_bridge.scenario.table import Ramp, Table, chained, constant
-from sim_bridge.scenario.values import NotNegative, Positive, form_of_table
+from sim_bridge.scenario.values import NotNegative, form_of_table
 from sim_bridge.toml_file import FileTable, Number, at_most, not_empty
 
 _Radius = Annotated[Number, Field(ge=SMALLEST_RADIUS_M)]
-_PerM = Annotated[Number, Field(ge=-LARGEST_CURVATURE_PER_M, le=LARGEST_CURVATURE_PER_M)]
-
-
-class Circle(FileTable):
-    """A circle, entered from a straight."""
-
-    kind: Literal["circle"]
-    radius_m: _Radius
-    direction: Literal["left", "right"] = "left"
-    entry_s_m: NotNegative = 0.0
-    """end of the straight; 0: no straight"""
-    spiral_m: NotNegative = 0.0
-    """length of the clothoid after the straight"""
-
-    def table(self) -> Table:
-        """Curvature in 1/m."""
-        per_m = (1.0 if self.direction == "left" else -1.0) / self.radius_m
-        if self.entry_s_m == 0.0 and self.spiral_m == 0.0:
-            return constant(per_m)
-        return _ramp(self.entry_s_m, self.spiral_m, 0.0, per_m)
-
-
-class Spiral(FileTable):
-    """A clothoid: curvature that changes linearly with arc length."""
-
-    kind: Literal["spiral"]
-    start_s_m: NotNegative
-    length_m: Positive
-    from_per_m: _PerM = 0.0
-    to_per_m: _PerM
-
-    def table(self) -> Table:
-        """Curvature in 1/m."""
-        return _ramp(self.start_s_m, self.length_m, self.from_per_m, self.to_per_m)
-
-
-class Step(FileTable):
-    """A jump of curvature."""
-
-    kind: Literal["step"]
-    at_s_m: NotNegative
-    from_per_m: _PerM = 0.0
-    to_per_m: _PerM
-
-    def table(self) -> Table:
-        """Curvature in 1/m."""
-        return _ramp(self.at_s_m, 0.0, self.from_per_m, self.to_per_m)
 
 
 class Bend(FileTable):
@@ -124,21 +77,9 @@ class CourseOfBends(FileTable):
         return chained([*ramps, Ramp(1.0, 0.0, 0.0)])
 
 
-def _ramp(at_m: float, length_m: float, before_per_m: float, to_per_m: float) -> Table:
-    """A clothoid between two constant curvatures; a step if its length is 0."""
-    ramps = [] if length_m == 0.0 else [Ramp(length_m, before_per_m, to_per_m)]
-    parts = [Ramp(1.0, before_per_m, before_per_m), *ramps, Ramp(1.0, to_per_m, to_per_m)]
-    return chained(parts, at_m - 1.0)
-
-
 _Curvature = Annotated[
     Table,
-    form_of_table(
-        -LARGEST_CURVATURE_PER_M,
-        LARGEST_CURVATURE_PER_M,
-        "1/m",
-        kinds=(Circle, Spiral, Step, CourseOfBends),
-    ),
+    form_of_table(-LARGEST_CURVATURE_PER_M, LARGEST_CURVATURE_PER_M, "1/m", kinds=(CourseOfBends,)),
 ]
 _Friction = Annotated[Table, form_of_table(LEAST_FRICTION, MOST_FRICTION)]
 _Bank = Annotated[

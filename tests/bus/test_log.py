@@ -116,7 +116,7 @@ def test_every_kind_of_frame_is_the_line_that_candump_writes_and_is_read_back(tm
         ("missing/drive.log", r"expected a file .* found .*Name another"),
         ("drive.ASC", r"can_logconvert drive\.log drive\.asc"),
         ("drive.trc", r"can_logconvert drive\.log drive\.trc"),
-        ("drive.mcap", r"Name the MCAP file with --mcap"),
+        ("drive.mcap", r"replay drive\.log --mcap .*drive\.mcap"),
     ],
 )
 def test_a_file_that_cannot_be_such_a_log_is_refused(tmp_path, name, expected):

@@ -21,6 +21,9 @@ SLOW = [Mode.LOW_SPEED, Mode.STANDSTILL, Mode.LOW_SPEED]
 """of a stop and a start"""
 
 
+CURVATURE_STEP = {"s_m": [0.0, 30.0], "value": [0.0, 0.003], "interpolation": "step"}
+
+
 def stop_and_go(braking_mps2, friction=0.85, curvature=0.0, cruise_kmh=18.0, hold_s=2.0):
     cruise_mps = cruise_kmh / 3.6
     stop = {
@@ -119,7 +122,7 @@ def bend():
         "format": 2,
         "name": "sudden bend",
         "duration_s": 3.0,
-        "road": {"curvature_per_m": {"kind": "step", "at_s_m": 30.0, "to_per_m": 0.003}},
+        "road": {"curvature_per_m": CURVATURE_STEP},
         "reference": {"speed_kmh": 80.0},
     }
     return parse_scenario(content, "test")

@@ -187,6 +187,6 @@ def test_a_folder_that_was_removed_during_the_run_is_an_error(tmp_path):
 
 def test_an_extra_is_installed_into_a_checkout_or_by_the_name_of_the_package(monkeypatch, tmp_path):
     monkeypatch.setattr(errors, "__file__", str(tmp_path / "rt_controller/contract/errors.py"))
-    assert errors.install_command("logs,tune") == 'pip install "rt-controller[logs,tune]"'
+    assert errors.install_command("logs,report") == 'pip install "rt-controller[logs,report]"'
     (tmp_path / "pyproject.toml").touch()
     assert errors.install_command("offline") == 'pip install -e ".[offline]"'

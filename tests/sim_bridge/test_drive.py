@@ -1,6 +1,7 @@
 """Engine, gearbox, brakes and their helpers, by what they do to the car; how it is compiled."""
 
 import ctypes
+import shlex
 from collections.abc import Iterator
 from math import pi
 from pathlib import Path
@@ -13,7 +14,7 @@ from rt_controller.contract.errors import MissingExtraError
 from rt_controller.contract.signals import GRAVITY_MPS2, ControlInput
 from sim_bridge.plant import compiler, library
 from sim_bridge.plant.car_record import car_record
-from sim_bridge.plant.compiler import SOURCES, compile_library
+from sim_bridge.plant.compiler import CompileError, compile_car, find_compiler
 from sim_bridge.plant.library import (
     advance,
     settle,
@@ -207,11 +208,15 @@ def test_other_arrays_are_refused_before_the_call(state: object) -> None:
         library.car_library().car_settle(10.0, np.zeros(434), state)
 
 
-STRICT = ("-Wall", "-Wextra", "-Wconversion", "-Werror")
-
-
-def test_the_car_compiles_without_a_warning(tmp_path: Path) -> None:
-    compile_library(sorted(SOURCES.glob("*.c")), tmp_path / "car.so", STRICT)
+def test_the_car_compiles_without_a_warning_and_not_with_inexact_arithmetic(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    found = shlex.join(find_compiler())
+    monkeypatch.setenv("CC", f"{found} -Wall -Wextra -Wpedantic -Wconversion -Werror")
+    compile_car(tmp_path / "strict")
+    monkeypatch.setenv("CC", f"{found} -ffast-math")
+    with pytest.raises(CompileError, match="IEEE"):
+        compile_car(tmp_path / "fast")
 
 
 def test_the_governor_keeps_idle_speed_and_the_closed_throttle_brakes() -> None:

@@ -14,7 +14,6 @@ pytest.importorskip("pythonfmu", reason="the extra [test] is not installed")
 from made_fmus import FOREIGN_MAPPING, make_foreign_car
 from virtual_drive import SHORT_LANE_CHANGE
 
-import sim_bridge.cli
 from rt_controller import cli
 from rt_controller.contract.errors import ConfigError, PlantError
 from rt_controller.contract.signals import NEUTRAL_INPUT, ControlInput
@@ -103,22 +102,6 @@ def drive(folder: Path, monkeypatch: pytest.MonkeyPatch, *options: str) -> tuple
     with pytest.raises(SystemExit) as ended:
         cli.main()
     return ended.value.code or 0, json.loads(figures.read_text())
-
-
-def test_the_exported_car_and_the_own_car_drive_the_same_lane_change(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("sys.argv", ["sim-bridge", "export-fmu", str(tmp_path / "car.fmu")])
-    with pytest.raises(SystemExit) as ended:
-        sim_bridge.cli.main()
-    assert not ended.value.code
-    runs = [
-        drive(tmp_path, monkeypatch, "--scenario", SHORT_LANE_CHANGE, "--plant", plant)
-        for plant in ("own", f"fmu:{tmp_path / 'car.fmu'}")
-    ]
-    assert [code for code, _ in runs] == [0, 0]
-    for figure in ("ey_rms_m", "ey_peak_m", "epsi_rms_rad", "vx_rms_mps", "ticks"):
-        assert runs[0][1][figure] == runs[1][1][figure]
 
 
 def test_commonroads_car_is_driven_through_the_lane_change(

@@ -81,8 +81,6 @@ LOCAL = ("sim-bridge", "--bus", "local")
         ((*LOCAL, "--plant", "commonroad:9"), "found '9'"),
         ((*LOCAL, "--friction", "7"), "--friction: expected"),
         ((*LOCAL, "--car", "lorry"), "--car: expected one of"),
-        (("sim-bridge", "export-fmu", "car.zip"), "ends in .fmu"),
-        (("sim-bridge", "export-fmu", "car.fmu", "--car", "lorry"), "car 'lorry'"),
         ((*REAL_BUS, "--plant", "commonroad:2"), "--plant: expected --bus virtual"),
         ((*REAL_BUS, "--plant-mapping", "x.toml"), "--plant-mapping: expected --bus virtual"),
         ((*REAL_BUS, "--friction", "0.5"), "--friction: expected --bus virtual"),
@@ -109,7 +107,7 @@ def test_help_lists_options_without_importing_compiler_and_tools() -> None:
         [sys.executable, "-c", program], check=True, capture_output=True, text=True
     )
     text, _, modules = ended.stdout.rstrip().rpartition("\n")
-    for word in ("export-fmu", "validate", "--plant-mapping", "commonroad:NUMBER"):
+    for word in ("fault-matrix", "validate", "--plant-mapping", "commonroad:NUMBER"):
         assert word in text
     tools = {"scipy", "fmpy", "vehiclemodels", "matplotlib"}
     assert not tools & set(modules.split())

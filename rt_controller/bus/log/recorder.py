@@ -1,4 +1,4 @@
-"""Recorder of a drive: frames to a candump log, and with what the loop did to further sinks.
+"""Recorder of a drive: frames to a candump log, and with what the loop did to a further sink.
 
 The loop only appends to a bounded queue; a separate thread writes and closes the files. Frames that
 do not fit are dropped and counted, and so are those that the disk does not take. In lockstep the
@@ -76,11 +76,11 @@ class Sink(Protocol):
 
 
 class Recorder(AbstractContextManager["Recorder"]):
-    """A log that is being written, and further sinks; the end of the context closes them."""
+    """A log that is being written, and a further sink; the end of the context closes them."""
 
     def __init__(
         self,
-        path: Path | None,
+        path: Path,
         channel: str,
         *,
         is_lockstep: bool,
@@ -91,7 +91,7 @@ class Recorder(AbstractContextManager["Recorder"]):
         """Open the log.
 
         Args:
-            path: of the log, or a folder, as `LogFile`; None: no log.
+            path: of the log, or a folder, as `LogFile`.
             channel: name of the bus.
             is_lockstep: `record` waits for the disk.
             capacity: of the queue, in frames and events.
@@ -106,8 +106,8 @@ class Recorder(AbstractContextManager["Recorder"]):
         self._taken = self._overflowed = self._unwritable = 0
         self._capacity, self._is_lockstep = capacity, is_lockstep
         self._channel, self._epoch_offset_ns = "_".join(channel.split()) or "can", epoch_offset_ns
-        self._log = None if path is None else _open_log(path, replaces)
-        self._sinks: list[Sink] = []
+        self._log = _open_log(path, replaces)
+        self._sink: Sink | None = None
         self._is_closed = self._is_explained = self._is_given_up = False
         self._queue: deque[object] = deque()
         self._is_closing = threading.Event()
@@ -116,12 +116,12 @@ class Recorder(AbstractContextManager["Recorder"]):
 
     def add(self, sink: Sink) -> None:
         """Record to this sink too, before the first frame; it is closed with the recorder."""
-        self._sinks.append(sink)
+        self._sink = sink
 
     @property
-    def path(self) -> Path | None:
+    def path(self) -> Path:
         """The log that is written."""
-        return None if self._log is None else self._log.path
+        return self._log.path
 
     @property
     def dropped(self) -> int:
@@ -173,8 +173,8 @@ class Recorder(AbstractContextManager["Recorder"]):
         )
 
     def record_event(self, event: object) -> None:
-        """Keep an event for the sinks, not changed any more; none where the queue is full."""
-        if self._sinks and self._has_room():
+        """Keep an event for the sink, not changed any more; none where the queue is full."""
+        if self._sink is not None and self._has_room():
             self._queue.append(event)
 
     def close(self) -> None:
@@ -193,7 +193,7 @@ class Recorder(AbstractContextManager["Recorder"]):
 
     @property
     def _files(self) -> Sequence[LogFile | Sink]:
-        return self._sinks if self._log is None else [self._log, *self._sinks]
+        return [self._log] if self._sink is None else [self._log, self._sink]
 
     def _has_room(self) -> bool:
         """True if the queue has room; in lockstep the disk is waited for."""
@@ -216,13 +216,13 @@ class Recorder(AbstractContextManager["Recorder"]):
             n_entries = min(len(self._queue), _FRAMES_PER_WRITE)
             entries = [self._queue.popleft() for _ in range(n_entries)]
             lines = [self._line(each) for each in entries if isinstance(each, RecordedFrame)]
-            n_written = len(lines) if self._log is None else self._log.append(lines)
+            n_written = self._log.append(lines)
             if self._is_given_up:
                 return
             self.written += n_written
             self._unwritable += len(lines) - n_written
-            for sink in self._sinks:
-                sink.append(entries, n_written)
+            if self._sink is not None:
+                self._sink.append(entries, n_written)
 
     def _line(self, frame: RecordedFrame) -> bytes:
         seconds, rest_ns = divmod(frame.stamp_ns + self._epoch_offset_ns, 1_000_000_000)
@@ -244,7 +244,7 @@ def open_recorder(
 def log_to_json(recorder: Recorder | None) -> dict[str, Any]:
     """The figures of a log; its name is null without one, and its failure if it is complete."""
     return {
-        "log_file": None if recorder is None or recorder.path is None else str(recorder.path),
+        "log_file": None if recorder is None else str(recorder.path),
         "log_frames_written": 0 if recorder is None else recorder.written,
         "log_frames_dropped": 0 if recorder is None else recorder.dropped,
         "log_failure": (recorder and recorder.last_failure) or None,
@@ -275,7 +275,7 @@ def _open_log(path: Path, replaces: bool) -> LogFile:
     if suffix == ".mcap":
         raise ConfigError(
             f"{path}: expected a log of frames, found the suffix of MCAP, which has decoded "
-            f"signals. Name the MCAP file with --mcap; --record may name a .log beside it."
+            f"signals. Record a .log, and convert it: rt-controller replay drive.log --mcap {path}"
         )
     is_new = not path.exists() and not path.is_symlink()
     if suffix != SUFFIX and (path.is_file() or is_new):

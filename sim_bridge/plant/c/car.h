@@ -264,8 +264,8 @@ FrontRear wheel_torque_nm(const State *x, double throttle, const Parameters *p, 
 /* car.c */
 void evaluate(const State *x, const Input *u, const Parameters *p, Derivative *out);
 
-/* The functions of the library; in an FMU they are not visible. */
-#if defined(CAR_LIBRARY) && defined(__GNUC__)
+/* The functions of the library. */
+#ifdef __GNUC__
 #define EXPORTED __attribute__((visibility("default")))
 #else
 #define EXPORTED
@@ -283,8 +283,6 @@ EXPORTED void car_tyre_force(double lateral_slip, double longitudinal_slip, doub
                              double load_n, double road_friction, const Parameters *p,
                              TyreForce *force);
 EXPORTED void car_steady_pressures(double pedal_n, const Parameters *p, FrontRear *mpa);
-EXPORTED void road_step(const Motion *before, const Motion *after, double curvature_per_m,
-                        double step_s, Pose *pose);
 EXPORTED void road_advance(const Motion *before, const Motion *motion, int n_steps,
                            const Curvature *road, double step_s, Pose *pose);
 EXPORTED void road_poses(const Motion *motion, int n_periods, int steps_per_period,

@@ -43,8 +43,8 @@ static double weighted(double first, double second, double third, double fourth)
 }
 
 /* Integrate the pose over one step of linear motion, in place. */
-void road_step(const Motion *before, const Motion *after, double curvature_per_m, double step_s,
-               Pose *pose) {
+static void road_step(const Motion *before, const Motion *after, double curvature_per_m,
+                      double step_s, Pose *pose) {
     const double half_s = 0.5 * step_s;
     const double sixth_s = step_s / 6.0;
     const Motion middle = {0.5 * (before->vx_mps + after->vx_mps),

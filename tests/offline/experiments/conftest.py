@@ -1,4 +1,4 @@
-"""Small lists of variants and search spaces, and the commands on the toy data set."""
+"""Small lists of variants, and the commands on the toy data set."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -43,31 +43,6 @@ name = "sane"
 why = "the usual learning rate"
 """
 
-SPACES = f"""
-{_TINY}
-evaluate_every = 3
-history_steps = 3
-[[tiny.parameter]]
-field = "learning_rate"
-low = 1e-4
-high = 1e-2
-scale = "log"
-[[tiny.parameter]]
-field = "hidden"
-choices = [[4], [8], [8, 8]]
-[[tiny.parameter]]
-field = "bilinear_rank"
-low = 0
-high = 3
-
-{_WILD}
-gradient_clip = "none"
-[[wild.parameter]]
-field = "learning_rate"
-low = 1e29
-high = 1e30
-"""
-
 
 @pytest.fixture(scope="session", autouse=True)
 def empty_cache(tmp_path_factory) -> Iterator[None]:
@@ -80,13 +55,6 @@ def empty_cache(tmp_path_factory) -> Iterator[None]:
 def lists(tmp_path_factory) -> Path:
     file = tmp_path_factory.mktemp("lists") / "lists.toml"
     file.write_text(LISTS)
-    return file
-
-
-@pytest.fixture(scope="session")
-def spaces(lists) -> Path:
-    file = lists.with_name("spaces.toml")
-    file.write_text(SPACES)
     return file
 
 
