@@ -63,7 +63,7 @@ QUANTITIES = (
 )
 """of the motion, in the order of the first fields of `Validity`"""
 CONDITIONS = (
-    Shown("friction", "", tolerance=0.05),
+    Shown("friction", "", tolerance=0.1),
     Shown("grade", "%", 100.0, tolerance=0.02),
     Shown("bank", "deg", _DEG, tolerance=0.02),
     Shown("load", "kg", tolerance=100.0),

@@ -35,6 +35,7 @@ def equal(one: Bundle, other: Bundle) -> bool:
             *(bundle.gains or ()),
             *(bundle.plans or ()),
             *(bundle.validity or ()),
+            *(bundle.means or ()),
             *(() if bundle.signal_range is None else bundle.signal_range),
         )
         for bundle in (one, other)
@@ -50,7 +51,7 @@ def equal(one: Bundle, other: Bundle) -> bool:
 
 def test_a_saved_bundle_loads_equal(bundle: Bundle, folder: Path) -> None:
     compared = {*PLAIN, "schema", "lift", "car", "selftest", "gains", "plans"}
-    compared |= {"signal_range", "validity"}
+    compared |= {"signal_range", "means", "validity"}
     assert compared == {field.name for field in fields(Bundle)}
     assert equal(load_bundle(folder), bundle)
     assert (folder / "card.md").read_text() == "# a card\n"
