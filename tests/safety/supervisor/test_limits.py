@@ -253,7 +253,7 @@ def test_a_motion_outside_of_the_training_is_reported_after_100_ms_and_stops_not
     assert (estimate.report, estimate.alarm) == (Fault.OUTSIDE_TRAINING, StopCause.NONE)
     assert estimate.excess.text == "speed 112 of 108 km/h"
     car.path = fast._replace(v_mps=34.0)
-    assert car.tick(130).report == Fault.OUTSIDE_TRAINING | Fault.SPEED_NOT_FOLLOWED
+    assert car.tick(300).report == Fault.OUTSIDE_TRAINING | Fault.SPEED_NOT_FOLLOWED
     for inside in ({"trained": None}, {"vx_mps": 6.0}, {"vx_mps": 20.0}):
         car = WatchedCar(**{"path": None, **known, **inside})
         assert car.tick(10).report == NO_FAULT
