@@ -118,7 +118,8 @@ class Supervisor:
         estimate = self._estimate(tick, state, failed_state, failed_path, alarm, rejection)
         if estimate.path is not None and not tick.is_stopping:
             self.values[Quantity.SPEED_MPS] = abs(state.vx_mps - estimate.path.v_mps)
-        excess = self._compare_training(state)
+        trained = self._trained
+        excess = None if trained is None else self._compare_training(trained, state)
         reported = self._windows.failing(_OF_REPORT)
         if not reported:
             return estimate
@@ -297,14 +298,14 @@ class Supervisor:
         if tick.path is not None and is_known and not tick.is_stopping:
             values[Quantity.TRACKING_M] = abs(state.ey_m - tick.path.c0_m)
 
-    def _compare_training(self, state: VehicleState) -> Excess | None:
+    def _compare_training(self, trained: TrainedRange, state: VehicleState) -> Excess | None:
         """What is outside of the training of the model, at speeds at which it drives."""
         speed_mps = state.vx_mps
-        if self._trained is None or speed_mps < self._car.modelled_mps:
+        if speed_mps < self._car.modelled_mps:
             return None
         lateral_mps2 = speed_mps * state.yaw_rate_radps
         steer_rad = self._control.steer_rad
-        excess = self._trained.excess(speed_mps, lateral_mps2, steer_rad, self._curvature_per_m)
+        excess = trained.excess(speed_mps, lateral_mps2, steer_rad, self._curvature_per_m)
         self.values[Quantity.OUTSIDE_TRAINING] = 0.0 if excess is None else excess.share
         return excess
 
