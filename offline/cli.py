@@ -103,17 +103,17 @@ def make_data(
         seed: seed of the random streams and of the split into parts
         recipe: nominal: the car and the road of the car file, without wind; varied: other roads,
             wind, load and tyres too. The ranges below replace or add to those of the recipe
-        largest_steer_deg: largest angle of the steering wheel, 40 to 180; default: what a plan may
-            use at the speed, up to 180. Linear baselines need small angles
+        largest_steer_deg: largest angle of the steering wheel, 40 to 300; default: what a plan may
+            use at the speed, up to 300. Linear baselines need small angles
     """
     if episodes < LEAST_EPISODES:
         raise ConfigError(
             f"--episodes: expected at least {LEAST_EPISODES}, so that train, validation and test "
             f"each get some, found {episodes}."
         )
-    if largest_steer_deg is not None and not 40.0 <= largest_steer_deg <= 180.0:
+    if largest_steer_deg is not None and not 40.0 <= largest_steer_deg <= 300.0:
         raise ConfigError(
-            f"--largest-steer-deg: expected 40 to 180, the angles that the controller may use, "
+            f"--largest-steer-deg: expected 40 to 300, the angles that the controller may use, "
             f"found {largest_steer_deg:g}."
         )
     variation = choose_variation(recipe, ranges)

@@ -155,7 +155,7 @@ class TrainingConfig(Settings):
     data_seed: int = 0
     """seed of the data set"""
     largest_steer_deg: LargestSteer | None = None
-    """largest angle of the steering wheel in the data set; none: what a plan may use, up to 180"""
+    """largest angle of the steering wheel in the data set; none: what a plan may use, up to 300"""
 
 
 RECOMMENDED = TrainingConfig()

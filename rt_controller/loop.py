@@ -9,6 +9,7 @@ from rt_controller.contract.faults import Fault, StopCause
 from rt_controller.contract.signals import Mode
 from rt_controller.contract.timing import PERIOD_S
 from rt_controller.drive.trace import DriveTrace
+from rt_controller.model.validity import Excess
 from rt_controller.realtime.clock import Clock
 from rt_controller.realtime.timing import DeadlineAccount, KernelCounters, MeasuredTick, TickTimer
 from rt_controller.safety.modes import BUS_CAUSES, STANDING_MPS
@@ -110,6 +111,8 @@ class RunRecord:
     ending: Ending = Ending.STOPPED
     ticks_by_fault: dict[Fault, int] = field(default_factory=lambda: dict.fromkeys(Fault, 0))
     """ticks whose heartbeat had the fault"""
+    excess: Excess | None = None
+    """what was furthest outside of the training of the model"""
     stop_tick: int | None = None
     """in which the last safe stop began, counted from zero; None: there was none"""
     stop_s: float | None = None
@@ -122,6 +125,9 @@ class RunRecord:
         self.trace.record(result, scheduled_ns)
         if is_new_stop:
             self.stop_tick, self.stop_s = self.trace.last_tick, self.trace.last_s
+        excess = result.estimate.excess
+        if excess is not None and (self.excess is None or excess.share > self.excess.share):
+            self.excess = excess
         for fault in result.faults:
             self.ticks_by_fault[fault] += 1
 

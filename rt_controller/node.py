@@ -156,6 +156,7 @@ def build_node(
             max(low_speed_car.speeds.leave_mps, LEAST_MODELLED_MPS),
         ),
         checks_of(low_speed_car.car) if checks is None else checks,
+        bundle.trained_range,
     )
     step = ControlStep(
         bus=bus,

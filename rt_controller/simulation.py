@@ -97,6 +97,13 @@ def steering_note(
     return note(car.bridge.scenario, geometry, most_plan_rad)
 
 
+def training_note(car: "BridgeSession", model: Bundle) -> str | None:
+    """A sentence if the scenario leaves what the model was trained with."""
+    from sim_bridge.scenario_checks import training_note as note
+
+    return note(car.bridge.scenario, model)
+
+
 def grip_note(car: "BridgeSession", friction: float | None) -> str | None:
     """A sentence if the scenario needs more grip than this friction gives, if one is set."""
     if friction is None:

@@ -4,6 +4,7 @@ from math import degrees
 
 import numpy as np
 
+from rt_controller.contract.arrays import Array
 from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.limits import (
     DEFAULT_GEOMETRY,
@@ -12,14 +13,16 @@ from rt_controller.contract.limits import (
     UNDERSTEER_RAD_PER_MPS2,
     SteeringGeometry,
 )
+from rt_controller.model.bundle import Bundle
+from rt_controller.model.validity import CONDITIONS
 from sim_bridge.plant.protocol import Plant, RoadTakingPlant
 from sim_bridge.scenario import Scenario
 from sim_bridge.scenario.checks import problems
 from sim_bridge.scenario.limits import KMH_PER_MPS
-from sim_bridge.scenario.nominal_drive import drive_nominally
+from sim_bridge.scenario.nominal_drive import NominalDrive, drive_nominally
 from sim_bridge.scenario.table import constant
 
-SHORT_S = 1.0
+SHORT_S, SHORT_EXCESS_S = 1.0, 0.2
 LOW_SPEED_MPS = 8.0
 """below it the low-speed law of the controller drives with the whole lock, by default"""
 
@@ -67,6 +70,59 @@ def grip_note(scenario: Scenario) -> str | None:
     return f"scenario {scenario.name!r} with this --friction: {found[0]} It is driven all the same."
 
 
+def training_note(scenario: Scenario, model: Bundle) -> str | None:
+    """A sentence if the scenario leaves the ranges of the training data of a model; else None.
+
+    Motion is that of a steady turn along the wanted path, above `LOW_SPEED_MPS`, where the model
+    drives; what lasts less than `SHORT_EXCESS_S` is averaged by a car and does not count.
+    """
+    validity, trained = model.validity, model.trained_range
+    if validity is None or trained is None:
+        return None
+    drive = drive_nominally(scenario)
+    turn, wheel_rad = _steady_turn(scenario, drive, model.geometry or DEFAULT_GEOMETRY)
+    lateral = turn * drive.speed_mps**2
+    road = scenario.road.curvature_per_m(drive.s_m)
+    times = np.arange(drive.time_s[0], drive.time_s[-1], 0.5 * SHORT_EXCESS_S)
+    at = np.minimum(np.searchsorted(drive.time_s, times), len(drive.s_m) - 1)
+    motion = np.column_stack([drive.speed_mps, lateral, wheel_rad, road])[at].tolist()
+    found = [trained.excess(*row) if row[0] >= LOW_SPEED_MPS else None for row in motion]
+    lasting = [
+        (excess, row[0])
+        for before, excess, row in zip([None, *found], found, motion, strict=False)
+        if excess is not None and before is not None
+    ]
+    parts = []
+    if lasting:
+        worst, speed_mps = max(lasting)
+        parts.append(worst.named(speed_mps))
+    ground = scenario.road
+    values = (
+        np.concatenate([ground.friction_left(drive.s_m), ground.friction_right(drive.s_m)]),
+        ground.grade(drive.s_m),
+        ground.bank_rad(drive.s_m),
+        np.array([scenario.payload.mass_kg]),
+    )
+    for shown, limits, driven in zip(CONDITIONS, validity.conditions, values, strict=False):
+        outside = np.maximum(limits[0] - driven, driven - limits[1])
+        if outside.max() > shown.tolerance:
+            worst_value = driven[outside.argmax()]
+            parts.append(f"{shown.text(worst_value)} (trained {shown.span(limits)})")
+    if not parts:
+        return None
+    return f"scenario {scenario.name!r} leaves what the model was trained with: {'; '.join(parts)}"
+
+
+def _steady_turn(
+    scenario: Scenario, drive: NominalDrive, geometry: SteeringGeometry
+) -> tuple[Array, Array]:
+    """Curvature of the wanted path, and magnitude of the steering wheel in a steady turn on it."""
+    bend = np.gradient(np.gradient(drive.ey_m, drive.s_m), drive.s_m)
+    turn = bend + scenario.road.curvature_per_m(drive.s_m)
+    per_turn = geometry.wheelbase_m + UNDERSTEER_RAD_PER_MPS2 * drive.speed_mps**2
+    return turn, geometry.steering_ratio * np.abs(turn) * per_turn
+
+
 def steering_note(
     scenario: Scenario,
     geometry: SteeringGeometry = DEFAULT_GEOMETRY,
@@ -84,10 +140,7 @@ def steering_note(
         most_plan_rad: largest angle that the model was trained with.
     """
     drive = drive_nominally(scenario)
-    bend = np.gradient(np.gradient(drive.ey_m, drive.s_m), drive.s_m)
-    turn = bend + scenario.road.curvature_per_m(drive.s_m)
-    per_turn = geometry.wheelbase_m + UNDERSTEER_RAD_PER_MPS2 * drive.speed_mps**2
-    wheel_rad = geometry.steering_ratio * np.abs(turn) * per_turn
+    turn, wheel_rad = _steady_turn(scenario, drive, geometry)
     is_slow = drive.speed_mps < LOW_SPEED_MPS
     by_speed = [geometry.largest_wheel_rad(v, PLAN_TURN_MPS2) for v in drive.speed_mps.tolist()]
     limit_rad = np.where(is_slow, geometry.lock_rad, np.minimum(by_speed, most_plan_rad))

@@ -13,6 +13,7 @@ from offline.baselines.baseline import scale_windows
 from offline.data.dataset import Dataset
 from offline.data.manifest import describe_training
 from offline.data.signals import Scaling, Trajectories, fit_scaling, last_rows, past_names
+from offline.data.validity import validity_of
 from rt_controller.contract.arrays import Array
 from rt_controller.model.bundle import Bundle, spectral_radius_of
 from rt_controller.model.dynamics import Matrices, roll_out
@@ -131,6 +132,7 @@ def to_bundle(name: str, model: LinearModel, dataset: Dataset, sample: LiftSampl
         selftest_psi=psi,
         training=describe_training({"kind": name, **facts}, dataset.origin),
         data_sha256=dataset.sha256,
+        validity=validity_of(dataset, has_near_roads=False),
     )
 
 

@@ -43,7 +43,8 @@ def store_plans(model: Path, output: Path | None) -> dict[str, Any]:
     if replaced:
         STDOUT.print(f"its own plans were replaced: {replaced}", soft_wrap=True, markup=False)
     STDOUT.print(
-        f"{planned.name} {planned.sha256[:8]}: plans stored. Drive with it:\n"
+        f"{planned.name} {planned.sha256[:8]}: plans stored; ranges of its training data: "
+        f"{'not known' if planned.validity is None else 'in the bundle'}. Drive with it:\n"
         f"  rt-controller --bus virtual --model {target}",
         soft_wrap=True,
         markup=False,

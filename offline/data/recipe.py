@@ -76,7 +76,7 @@ class Recipe:
     variation: Variation | None = None
     """of road, wind, load and tyres; None: those of the car file, and no wind"""
     largest_steer_deg: float | None = None
-    """of the steering wheel at any speed, at least 40; None: what a plan may use, up to 180"""
+    """of the steering wheel at any speed, at least 40; None: what a plan may use, up to 300"""
 
     @property
     def largest_steer_rad(self) -> float:

@@ -12,7 +12,8 @@ from rt_controller.model.bundle import Bundle
 from rt_controller.model.dynamics import Shape
 from rt_controller.model.follow import Follow
 from rt_controller.model.validation import find_objection_to_driving
-from rt_controller.report.table import Fact, facts_table, to_markdown
+from rt_controller.model.validity import CONDITIONS, QUANTITIES, Validity
+from rt_controller.report.table import Column, Fact, Table, facts_table, to_markdown
 
 _FOLLOWED = {
     Follow.PREDICTION: "following the lifted state",
@@ -80,6 +81,28 @@ def driven_text(stability: BoxStability) -> str:
     )
 
 
+def validity_text(validity: Validity | None) -> str:
+    """The ranges of the training data, in Markdown."""
+    if validity is None:
+        return "The ranges of its training data are not known."
+    heads = (f"{each.name} [{each.unit}]" for each in QUANTITIES)
+    rows = zip(*validity[: len(QUANTITIES)], strict=True)
+    shown = tuple(
+        tuple(each.number(v) for each, v in zip(QUANTITIES, row, strict=True)) for row in rows
+    )
+    by_speed = Table("", tuple(map(Column, heads)), shown)
+    facts = [
+        Fact(each.name, each.span(limits))
+        for each, limits in zip(CONDITIONS, validity.conditions, strict=False)
+    ] or [Fact(", ".join(each.name for each in CONDITIONS), "not known")]
+    return f"""Largest values near each speed, to the left as to the right; the first and the last \
+speed, and these values, leave out 0.1 % of the samples. A drive outside of them is reported.
+
+{to_markdown(by_speed)}
+
+{to_markdown(facts_table(facts))}"""
+
+
 def write_card(
     bundle: Bundle, checks: ExportFigures, comparison: Comparison, facts: Sequence[Fact]
 ) -> str:
@@ -108,6 +131,10 @@ observables, sampled every {1000 * bundle.schema.dt_s:g} ms, in physical units. 
 ## How it was made
 
 {to_markdown(facts_table([*facts, *hashes]))}
+
+## What it was trained with
+
+{validity_text(bundle.validity)}
 
 ## Stability and errors
 

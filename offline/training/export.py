@@ -6,6 +6,7 @@ from offline.config import TrainingConfig
 from offline.data.dataset import Dataset
 from offline.data.manifest import describe_training
 from offline.data.signals import past_names, signal_range
+from offline.data.validity import validity_of
 from offline.model.encoder import MakeEncoder
 from offline.model.export_checks import ExportFigures, check_export, limits_of
 from offline.model.physical_units import (
@@ -63,5 +64,6 @@ def export_checkpoint(
         training=describe_training(settings, dataset.origin),
         data_sha256=dataset.sha256,
         signal_range=signal_range(dataset.select("train"), dataset.schema),
+        validity=validity_of(dataset, config.windows == "all" and config.near_roads > 0.0),
     )
     return bundle, check_export(bundle, dataset, limits_of(config))

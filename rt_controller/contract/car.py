@@ -160,6 +160,7 @@ THRESHOLDS = (
     "brake_n",
     "tracking_m",
     "speed_mps",
+    "outside_training",
     "path_step_m",
     "path_drift_m",
     "path_frozen_m",

@@ -21,6 +21,7 @@ class Fault(IntFlag):
     ACTUATOR_MISMATCH = 4096
     NOT_ENGAGED = 8192
     SPEED_NOT_FOLLOWED = 16384
+    OUTSIDE_TRAINING = 32768
 
 
 NO_FAULT = Fault(0)
@@ -132,4 +133,8 @@ class StopCause(StrEnum):
         "the speed is far from the wanted one for seconds",
         Fault.SPEED_NOT_FOLLOWED,
     )
-    """of a report: nothing stops for it"""
+    OUTSIDE_TRAINING = (
+        "the motion is outside of what the model was trained with",
+        Fault.OUTSIDE_TRAINING,
+    )
+    """these two of a report: nothing stops for them"""

@@ -62,7 +62,7 @@ class ControlInput(NamedTuple):
     throttle: accelerator pedal, 0 to 1.
     brake_n: force on the brake pedal, 0 to 150 N.
     steer_rad: angle of the steering *wheel*, positive to the left; that of a plan up to
-        180 deg, by the speed.
+        300 deg, by the speed.
     """
 
     throttle: float

@@ -5,8 +5,8 @@
 - `koopman.npz`: psi+ = A psi + B_uc u_c + B_uw w + c + gains, all in physical units, with the
   names, units and period of the signals, the inputs of the lift, the growth of the model, its
   training configuration, the SHA-256 of the encoder and of the whole model, a few pairs (x, w,
-  history; psi) for a self-test, the geometry of the car's steering where it is known, and the range
-  of the inputs;
+  history; psi) for a self-test, the geometry of the car's steering where it is known, and
+  the ranges of the training data;
 - `card.md`: for people.
 
 Paper: eqs. (6)-(8) and (14).
@@ -37,6 +37,7 @@ from rt_controller.model.follow import Follow
 from rt_controller.model.lift import Lift, LiftSample
 from rt_controller.model.path_kinematics import Movement
 from rt_controller.model.validation import check_field, require_fitting_parts
+from rt_controller.model.validity import Validity
 
 SHIPPED_MODEL = "mdk-net"
 """the model that drives if none is chosen"""
@@ -77,16 +78,29 @@ OPTIONAL = {
     **dict.fromkeys(SteeringGeometry._fields, ("f", 0)),
     "car": ("U", 0),
     "signal_range": ("f", 2),
-    "movement_S": ("f", 2),
-    "movement_s0": ("f", 1),
 }
 """fields that a bundle need not have"""
-PLANS = _table("""
-    f1 plan_curvature_per_m
-    f2 plan_state plan_path plan_previous
-    f3 plan_inputs
-""")
-"""fields that models of other signals do not have"""
+GROUPS = tuple(
+    map(
+        _table,
+        (
+            """
+            f1 plan_curvature_per_m
+            f2 plan_state plan_path plan_previous
+            f3 plan_inputs
+            """,
+            """
+            f1 movement_s0
+            f2 movement_S
+            """,
+            """
+            f1 valid_speed_mps valid_lateral_mps2 valid_steer_rad valid_curvature_per_m
+            f2 valid_conditions
+            """,
+        ),
+    )
+)
+"""fields of which a bundle has all or none"""
 
 
 def shipped_model(name: str = SHIPPED_MODEL) -> Path:
@@ -150,6 +164,7 @@ def load_bundle(folder: Path) -> Bundle:
         car=_car(path, found),
         plans=_part(PlanSample, "plan", found) if "plan_state" in found else None,
         signal_range=found.get("signal_range"),
+        validity=_part(Validity, "valid", found) if "valid_speed_mps" in found else None,
         encoder_onnx=encoder,
         selftest=_part(LiftSample, "selftest", found),
         **{name: found[name] for name in UNCHANGED},
@@ -167,6 +182,7 @@ def _fields_of(bundle: Bundle) -> dict[str, Any]:
         "selftest": bundle.selftest,
         "plan": bundle.plans,
         "movement": bundle.movement,
+        "valid": bundle.validity,
     }
     signals = {kind: getattr(bundle.schema, name) for kind, name in SIGNALS.items()}
     texts = {
@@ -255,7 +271,10 @@ def _read_fields(path: Path) -> dict[str, Any]:
             f"offline-export RUN again with this version; for a newer bundle install a newer "
             f"rt-controller."
         )
-    required = FIELDS | (PLANS if "plan_state" in arrays else {})
+    required = dict(FIELDS)
+    for group in GROUPS:
+        if not arrays.keys().isdisjoint(group):
+            required |= group
     for key in ("format_version", *required):
         if key not in arrays:
             raise ArtifactError(

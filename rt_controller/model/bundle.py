@@ -22,6 +22,7 @@ from rt_controller.contract.signals import VEHICLE, InputColumn, Schema
 from rt_controller.model.dynamics import Gains
 from rt_controller.model.lift import STATES_ONLY, Lift, LiftSample, identity_encoder
 from rt_controller.model.path_kinematics import Movement
+from rt_controller.model.validity import TrainedRange, Validity
 
 
 class PlanSample(NamedTuple):
@@ -71,6 +72,8 @@ class Bundle:
     signal_range: Array | None = None
     """(2, m + p), lowest and highest value of each input and exogenous signal that the model was
     made for; None: not known"""
+    validity: Validity | None = None
+    """ranges of the motion and of the conditions in the training data; None: not known"""
     lift: Lift = STATES_ONLY
     encoder_onnx: bytes
     selftest: LiftSample
@@ -187,7 +190,7 @@ class Bundle:
         """Identity of the model: it changes with everything that a prediction depends on.
 
         Over name, signals, period, lift, encoder, matrices, and, where they are known, the geometry
-        of the car and the range of the signals; not over lock, training and self-test.
+        of the car and the range of the signals; not over lock, training, validity and self-test.
         """
         schema, lift, gains = self.schema, self.lift, self.gains
         words = [
@@ -220,6 +223,12 @@ class Bundle:
         if self.signal_range is None:
             return usual_rad
         return max(usual_rad, float(self.signal_range[1, InputColumn.steer_rad]))
+
+    @property
+    def trained_range(self) -> TrainedRange | None:
+        """Compares a motion with that of the training data; None: not known."""
+        validity = self.validity
+        return None if validity is None else TrainedRange(validity, self.movement is not None)
 
     @property
     def spectral_radius(self) -> float:

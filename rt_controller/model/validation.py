@@ -10,6 +10,7 @@ from rt_controller.contract.errors import ArtifactError
 from rt_controller.contract.signals import PATH_STATES, VEHICLE
 from rt_controller.model.bundle import Bundle
 from rt_controller.model.dynamics import Shape, no_gains
+from rt_controller.model.validity import CONDITIONS
 
 DRIVABLE_HISTORY = ("vx_mps", "vy_mps", "yaw_rate_radps", "throttle", "brake_n", "steer_rad")
 """the history that the controller keeps: motion and inputs of the car, not its place on the road"""
@@ -56,6 +57,9 @@ def require_fitting_parts(bundle: Bundle, path: Path | str) -> None:
     ]
     gains = bundle.gains or no_gains(n)
     q = len(gains.s0)
+    validity = bundle.validity
+    knots, known_conditions = (validity.speed_mps, validity.conditions) if validity else ((), ())
+    k = len(knots)
     T, N = bundle.plans.inputs.shape[:2] if bundle.plans else (0, 0)
     parts: tuple[tuple[str, Any, tuple[tuple[Any, ...], ...]], ...] = (
         (
@@ -66,6 +70,7 @@ def require_fitting_parts(bundle: Bundle, path: Path | str) -> None:
         ("gains", gains, ((n, q), (q, n), (q,), (q,), (q,))),
         ("plan", bundle.plans, ((T, n_x), (T,), (T, 6), (T, m), (T, N, m))),
         ("movement", bundle.movement, ((3, n), (3,))),
+        ("valid", validity, ((k,), (k,), (k,), (k,), (len(known_conditions), 2))),
     )
     for kind, part, shapes in parts:
         if part is not None:
@@ -103,6 +108,21 @@ def require_fitting_parts(bundle: Bundle, path: Path | str) -> None:
             "zeros for the path states in A, B_uc, B_uw, c and the gains, where the path follows "
             "from the motion",
             "others",
+        )
+    if validity is not None:
+        refuse_unless(
+            k > 1
+            and np.all(np.diff(knots) > 0.0)
+            and all(np.all(each >= 0.0) for each in validity[:4]),
+            "two or more ascending speeds in valid_speed_mps, and no negative value in valid_*",
+            validity[:4],
+        )
+        refuse_unless(
+            len(known_conditions) in (0, len(CONDITIONS))
+            and np.all(np.diff(known_conditions) >= 0.0),
+            f"lowest and highest value of {len(CONDITIONS)} quantities, or of none, in "
+            f"valid_conditions",
+            known_conditions,
         )
     refuse_unless(
         n >= n_x and 1 <= b <= MOST_INSTANTS,

@@ -49,6 +49,9 @@ class Quantity(IntEnum):
     """|e_y - c0|"""
     SPEED_MPS = auto()
     """|v_x - wanted speed|"""
+    OUTSIDE_TRAINING = auto()
+    """largest of speed, lateral acceleration, wheel and perhaps curvature, relative to what the
+    model was trained with at this speed; 0: none is outside"""
     PATH_STEP_M = auto()
     """|c0 - the value that the path before had at this place|"""
     PATH_DRIFT_M = auto()
@@ -156,6 +159,7 @@ CHECKS: tuple[Check, ...] = (
     Check("brake feedback", _Q.BRAKE_N, 10.0, _ticks(0.075), _R.STOP, _C.BRAKE_MISMATCH),
     Check("tracking", _Q.TRACKING_M, 0.9, _ticks(0.2), _R.STOP, _C.TRACKING_LOST),
     Check("speed", _Q.SPEED_MPS, 2.0, _ticks(3.0), _R.REPORT, _C.SPEED_NOT_FOLLOWED),
+    Check("training", _Q.OUTSIDE_TRAINING, 1.0, _ticks(0.1), _R.REPORT, _C.OUTSIDE_TRAINING),
     Check("path step", _Q.PATH_STEP_M, 0.55, 1, _R.REJECT_PATH, _C.PATH_JUMP),
     Check("path drift", _Q.PATH_DRIFT_M, 0.25, 1, _R.STOP, _C.PATH_INCONSISTENT),
     Check("path frozen", _Q.PATH_FROZEN_M, 0.04, _ticks(0.075), _R.STOP, _C.PATH_INCONSISTENT),

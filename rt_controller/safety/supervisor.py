@@ -5,13 +5,16 @@ result is a state and a path to plan from, and the cause of a stop.
 """
 
 from collections.abc import Sequence
+from functools import reduce
 from math import atan
+from operator import or_
 
 from rt_controller.contract.arrays import Array
-from rt_controller.contract.faults import StopCause
+from rt_controller.contract.faults import Fault, StopCause
 from rt_controller.contract.kinematics import farthest_m, speed_of
 from rt_controller.contract.signals import NEUTRAL_INPUT, ControlInput, VehicleState
 from rt_controller.contract.timing import PERIOD_S
+from rt_controller.model.validity import Excess, TrainedRange
 from rt_controller.safety.actuators import CommandRange
 from rt_controller.safety.checks import CHECKS, NEVER, NOT_COMPUTED, Check, Quantity
 from rt_controller.safety.coast_model import Cornering, PedalEffect, StoppingCar, cornering_of
@@ -37,7 +40,7 @@ from rt_controller.safety.tick import Estimate, Tick
 _NOT_COMPUTED = [NOT_COMPUTED] * len(Quantity)
 _OF_STATE = range(Quantity.PROGRESS_STEP_M, Quantity.FROZEN_TICKS + 1)
 _OF_CAR = range(Quantity.STEERING_RAD, Quantity.TRACKING_M + 1)
-_OF_REPORT = range(Quantity.SPEED_MPS, Quantity.SPEED_MPS + 1)
+_OF_REPORT = range(Quantity.SPEED_MPS, Quantity.OUTSIDE_TRAINING + 1)
 _OF_PATH = range(Quantity.PATH_STEP_M, Quantity.PATH_LATERAL_MPS2 + 1)
 _OF_ENGAGEMENT = range(Quantity.PATH_LATERAL_MPS2, Quantity.ENGAGE_EPSI_RAD + 1)
 _GROUPS = (_OF_STATE, _OF_CAR, _OF_REPORT, _OF_PATH, _OF_ENGAGEMENT)
@@ -53,8 +56,12 @@ class Supervisor:
         prediction: MotionPrediction | None = None,
         car: StoppingCar | None = None,
         checks: Sequence[Check] = CHECKS,
+        trained: TrainedRange | None = None,
     ) -> None:
-        """With no `checks` everything is accepted; lost states and paths are still estimated."""
+        """With no `checks` everything is accepted; lost states and paths are still estimated.
+
+        `trained` is that of the model that drives; None: not known, and not compared.
+        """
         limits = [NEVER] * len(Quantity)
         for check in checks:
             limits[check.quantity] = check.threshold
@@ -65,7 +72,7 @@ class Supervisor:
         self.failing = self._windows.failed
         """checks of this tick; overwritten by the next"""
         self._car = car or StoppingCar()
-        self._prediction = prediction
+        self._prediction, self._trained = prediction, trained
         self._residuals = Residuals(self.values, prediction, limits)
         self._paths = PathChecks(self.values)
         self._road = LastRoad(self.values, limits[Quantity.PREVIEW_STEP_PER_M])
@@ -112,8 +119,15 @@ class Supervisor:
         estimate = self._estimate(tick, state, failed_state, failed_path, alarm, rejection)
         if estimate.path is not None and not tick.is_stopping:
             self.values[Quantity.SPEED_MPS] = abs(state.vx_mps - estimate.path.v_mps)
+        trained = self._trained
+        excess = None if trained is None else self._compare_training(trained, state)
         reported = self._windows.failing(_OF_REPORT)
-        return estimate._replace(report=reported[0].cause.fault) if reported else estimate
+        if not reported:
+            return estimate
+        report = reduce(or_, (each.cause.fault for each in reported))
+        return estimate._replace(
+            report=report, excess=excess if Fault.OUTSIDE_TRAINING in report else None
+        )
 
     def note(self, control: ControlInput, psi: Array | None) -> None:
         """After the tick: what was sent, and the lifted state (n,) that the model starts from."""
@@ -285,6 +299,17 @@ class Supervisor:
         is_known = tick.state is not None and is_state_good and is_path_good
         if tick.path is not None and is_known and not tick.is_stopping:
             values[Quantity.TRACKING_M] = abs(state.ey_m - tick.path.c0_m)
+
+    def _compare_training(self, trained: TrainedRange, state: VehicleState) -> Excess | None:
+        """What is outside of the training of the model, at speeds at which it drives."""
+        speed_mps = state.vx_mps
+        if speed_mps < self._car.modelled_mps:
+            return None
+        lateral_mps2 = speed_mps * state.yaw_rate_radps
+        steer_rad = self._control.steer_rad
+        excess = trained.excess(speed_mps, lateral_mps2, steer_rad, self._curvature_per_m)
+        self.values[Quantity.OUTSIDE_TRAINING] = 0.0 if excess is None else excess.share
+        return excess
 
     def _estimate(
         self,

@@ -13,6 +13,7 @@ from rt_controller.contract.signals import (
     PathReference,
     VehicleState,
 )
+from rt_controller.model.validity import Excess
 
 
 class Estimate(NamedTuple):
@@ -36,6 +37,8 @@ class Estimate(NamedTuple):
     """why state or path of this tick are not used, or why the drive does not begin"""
     report: Fault = NO_FAULT
     """bits of the heartbeat for which nothing stops"""
+    excess: Excess | None = None
+    """what is furthest outside of the training of the model, where that is reported"""
 
 
 NO_ESTIMATE = Estimate()

@@ -37,6 +37,7 @@ from rt_controller.simulation import (
     named_scenario,
     open_virtual_car,
     steering_note,
+    training_note,
 )
 from rt_controller.terminal.command_line import print_error
 from rt_controller.terminal.entry import INTERRUPTED
@@ -108,7 +109,8 @@ def run_at_terminal(options: "RunOptions") -> int:
                 clock = LockstepClock(car.tick) if options.is_lockstep else clock
                 known = choose_low_speed_car(bundle, options.low_speed)
                 steering = steering_note(car, known.geometry, known.model_rad)
-                for note in (steering, grip_note(car, options.friction)):
+                grip, training = grip_note(car, options.friction), training_note(car, bundle)
+                for note in (steering, grip, training):
                     if note is not None:
                         show(f"note: {note}", options.quiet)
             log = None if options.check else options.record

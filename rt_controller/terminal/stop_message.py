@@ -53,6 +53,7 @@ FAULT_SENTENCES = {
     Fault.NOT_ENGAGED: "The car was outside of the window in which the controller may begin to "
     "drive.",
     Fault.SPEED_NOT_FOLLOWED: "The speed was more than 2 m/s from the wanted one for over 3 s.",
+    Fault.OUTSIDE_TRAINING: "The motion was outside of what the model was trained with.",
 }
 
 

@@ -13,6 +13,7 @@ from rt_controller.bus.log.recorder import log_to_json
 from rt_controller.contract.errors import OutputError
 from rt_controller.contract.faults import Fault, StopCause
 from rt_controller.contract.files import atomic_write
+from rt_controller.contract.timing import PERIOD_S
 from rt_controller.drive.scenario import DrivenScenario, LateralError
 from rt_controller.loop import Ending, RunRecord
 from rt_controller.realtime.timing import DeadlineAccount, Percentiles, TickTimes
@@ -83,6 +84,7 @@ def to_json(session: ControllerSession, car: LateralError | None = None) -> dict
         else {**deadlines.worst._asdict(), "cause": deadlines.worst.cause.name},
         **{field: deadlines.percentiles(field)._asdict() for field in TickTimes._fields},
         "ticks_by_fault": {fault.name: n for fault, n in record.ticks_by_fault.items() if n},
+        "outside_training": record.excess and record.excess.text,
         "frames_received": asdict(session.inbox.counts),
         "frames_sent": session.outbox.sent,
         "send_failures": session.outbox.send_failures,
@@ -116,6 +118,8 @@ def verdict(session: ControllerSession, car: LateralError | None = None, braking
     text = f"The car followed its path within {within}"
     if record.ticks_by_fault[Fault.SPEED_NOT_FOLLOWED]:
         text += f", but not its speed (up to {errors.vx_peak_mps:.1f} m/s off)"
+    if outside := _outside(record):
+        text += f"; {outside}"
     text += "; "
     text += late if deadlines.deadline_misses else "no step was late"
     if record.ending is Ending.STOPPED:
@@ -123,6 +127,14 @@ def verdict(session: ControllerSession, car: LateralError | None = None, braking
     elif speed_mps is not None and speed_mps > STANDING_MPS:
         text += f"; it was released at {speed_mps * 3.6:.0f} km/h"
     return f"{text}; {explain_braking(braking)}." if braking else f"{text}."
+
+
+def _outside(record: RunRecord) -> str:
+    """For how long the motion was outside of the training of the model; empty if it was not."""
+    time_s, excess = PERIOD_S * record.ticks_by_fault[Fault.OUTSIDE_TRAINING], record.excess
+    if excess is None:
+        return ""
+    return f"{time_s:.1f} s outside of what the model was trained with: {excess.text}"
 
 
 def fault_sentences(record: RunRecord) -> list[str]:
@@ -168,6 +180,7 @@ def to_table(
         f"peak {degrees(e.epsi_peak_rad):.2f} deg",
         f"speed error{received}": f"RMS {e.vx_rms_mps:.3f} m/s, peak {e.vx_peak_mps:.3f} m/s",
         "inputs at their limit": _limited(record),
+        "model": _outside(record),
         "ticks": f"{deadlines.ticks}, {deadlines.deadline_misses} missed their deadline, "
         f"{deadlines.skipped_ticks} skipped",
     }

@@ -1,6 +1,7 @@
 """Scenarios and corners: those that ship against their own limits, cones, lengths, other cars."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +18,7 @@ from rt_controller.contract.timing import MISSION_PERIOD_TICKS, PERIOD_S
 from rt_controller.drive.scenario import EXIT_LIMIT, limits_missed
 from rt_controller.loop import RELEASE_TICKS, Ending
 from rt_controller.model.artifact import load_bundle, shipped_model
+from rt_controller.model.validity import Validity
 from sim_bridge import parse_scenario, session
 from sim_bridge.scenario import load_scenario, shipped_scenarios
 
@@ -84,6 +86,39 @@ def test_a_speed_that_the_engine_cannot_reach_is_reported_and_in_the_verdict(
         cli.main()
     assert set(json.loads(summary.read_text())["ticks_by_fault"]) == {"SPEED_NOT_FOLLOWED"}
     assert "but not its speed" in capsys.readouterr().out
+
+
+def test_a_drive_outside_of_the_training_is_named_before_it_and_after_it(
+    tmp_path, monkeypatch, capsys, lti
+):
+    wide = np.full(2, 20.0)
+    validity = Validity(np.array([3.0, 40.0]), wide, wide, np.full(2, 0.004), np.zeros((0, 2)))
+    replace(lti, validity=validity).save(tmp_path / "known")
+    scenario, summary = tmp_path / "bend.toml", tmp_path / "drive.json"
+    scenario.write_text(
+        'format = 2\nname = "bend"\nduration_s = 4.0\nreference.speed_kmh = 60.0\n'
+        "[road.curvature_per_m]\ns_m = [20.0, 30.0, 45.0, 55.0]\nvalue = [0.0, 0.01, 0.01, 0.0]\n"
+    )
+    options = "--bus virtual --pace lockstep --model-trial off"
+    files = (
+        "--json",
+        str(summary),
+        "--scenario",
+        str(scenario),
+        "--model",
+        str(tmp_path / "known"),
+    )
+    monkeypatch.setattr("sys.argv", ["rt-controller", *options.split(), *files])
+    with pytest.raises(SystemExit) as ended:
+        cli.main()
+    shown, found = capsys.readouterr(), json.loads(summary.read_text())
+    assert ended.value.code == 0
+    assert "curvature 0.01 1/m at 60 km/h (the model was trained to 0.004)" in shown.err
+    assert set(found["ticks_by_fault"]) == {"OUTSIDE_TRAINING"}
+    time_s = PERIOD_S * found["ticks_by_fault"]["OUTSIDE_TRAINING"]
+    assert 1.0 < time_s < 2.0
+    assert f"{time_s:.1f} s outside of what the model was trained with: curvature 0.01" in shown.out
+    assert found["outside_training"] == "curvature 0.01 of 0.004 1/m"
 
 
 def test_a_missed_limit_is_an_exit_code_of_the_program(tmp_path, monkeypatch):

@@ -11,6 +11,7 @@ from rt_controller.model.bundle import Bundle
 from rt_controller.model.dynamics import Gains, Shape
 from rt_controller.model.lift import Lift, LiftSample
 from rt_controller.model.validation import DRIVABLE_HISTORY
+from rt_controller.model.validity import Validity
 
 FACTOR = np.array([0, 1, 2, 0, 1, 2, 3, 4, 4])
 """throttle, brake, steering, curvature, 1"""
@@ -43,6 +44,13 @@ def bundle() -> Bundle:
             shape=SHAPE,
         ),
         signal_range=np.array([[0.0, 0.0, -6.0, -0.02], [1.0, 150.0, 6.0, 0.02]]),
+        validity=Validity(
+            speed_mps=np.array([3.0, 20.0, 40.0]),
+            lateral_mps2=np.array([1.0, 8.0, 9.0]),
+            steer_rad=np.array([4.0, 2.0, 0.7]),
+            curvature_per_m=np.array([0.1, 0.02, 0.005]),
+            conditions=np.array([[0.85, 0.85], [-0.08, 0.08], [0.0, 0.0], [-200.0, 300.0]]),
+        ),
         lift=Lift(True, history_steps=4, history_fields=DRIVABLE_HISTORY),
         encoder_onnx=b"not run here",
         selftest=LiftSample(

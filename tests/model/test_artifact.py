@@ -34,6 +34,8 @@ def equal(one: Bundle, other: Bundle) -> bool:
             *bundle.selftest,
             *(bundle.gains or ()),
             *(bundle.plans or ()),
+            *(bundle.validity or ()),
+            *(bundle.movement or ()),
             *(() if bundle.signal_range is None else bundle.signal_range),
         )
         for bundle in (one, other)
@@ -49,7 +51,7 @@ def equal(one: Bundle, other: Bundle) -> bool:
 
 def test_a_saved_bundle_loads_equal(bundle: Bundle, folder: Path) -> None:
     compared = {*PLAIN, "schema", "lift", "car", "selftest", "gains", "plans"}
-    compared.add("signal_range")
+    compared |= {"signal_range", "means", "validity"}
     assert compared == {field.name for field in fields(Bundle)}
     assert equal(load_bundle(folder), bundle)
     assert (folder / "card.md").read_text() == "# a card\n"
@@ -70,7 +72,7 @@ def test_a_model_of_other_signals_loads_equal(planar: Bundle, tmp_path: Path) ->
     assert equal(load_bundle(tmp_path), planar)
 
 
-@pytest.mark.parametrize("part", ["gains", "signal_range"])
+@pytest.mark.parametrize("part", ["gains", "signal_range", "validity"])
 def test_a_part_that_a_model_does_not_have_is_not_loaded(
     bundle: Bundle, tmp_path: Path, part: str
 ) -> None:

@@ -167,7 +167,8 @@ def test_a_tick_is_explained_from_its_frames_to_its_command(recorded_log, tmp_pa
     assert plan["second_solution"]["largest_difference"] < 1e-4
     margins = {each["check"]: each["margin"] for each in found["checks"]}
     unchecked = [name for name, margin in margins.items() if margin is None]
-    assert unchecked == ["speed by pedals", "engagement, lateral", "engagement, heading"]
+    engagement = ["engagement, lateral", "engagement, heading"]
+    assert unchecked == ["speed by pedals", "training", *engagement]
     assert all(margin is None or margin >= 0.0 for margin in margins.values())
     assert found["is_identical"]
     assert found["reasons"] == []

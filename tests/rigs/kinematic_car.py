@@ -17,6 +17,7 @@ from rt_controller.contract.signals import (
 )
 from rt_controller.contract.timing import PERIOD_S
 from rt_controller.model.dynamics import Matrices
+from rt_controller.model.validity import TrainedRange
 from rt_controller.safety.checks import CHECKS, Check, Quantity
 from rt_controller.safety.motion import MotionPrediction
 from rt_controller.safety.supervisor import Supervisor
@@ -55,11 +56,12 @@ class WatchedCar:
     disturb: Callable[[Tick], Tick] = lambda received: received
     has_model: bool = True
     is_stopping: bool = False
+    trained: TrainedRange | None = None
     qualified: list[Estimate] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         prediction = MotionPrediction(linear_model(), 6) if self.has_model else None
-        self.supervisor = Supervisor(prediction, checks=self.checks)
+        self.supervisor = Supervisor(prediction, checks=self.checks, trained=self.trained)
         self.state = VehicleState(
             self.vx_mps, 0.0, 0.0, self.vx_mps * PERIOD_S, self.ey_m, self.epsi_rad
         )

@@ -43,6 +43,7 @@ ROWS = {
     "feedback of steering, throttle, brake": (Q.STEERING_RAD, Q.THROTTLE, Q.BRAKE_N),
     "tracking": (Q.TRACKING_M,),
     "speed": (Q.SPEED_MPS,),
+    "training": (Q.OUTSIDE_TRAINING,),
     "path step, path drift": (Q.PATH_STEP_M, Q.PATH_DRIFT_M),
     "path frozen": (Q.PATH_FROZEN_M,),
     "path turn": (Q.PATH_TURN_RAD,),

@@ -109,11 +109,11 @@ def test_a_bus_that_does_not_open_leaves_neither_the_log_nor_the_process_changed
 
 def test_a_scenario_that_needs_too_much_steering_has_a_note_at_the_start(run: Run) -> None:
     content = {
-        "format": 2, "name": "tight", "duration_s": 5.0, "road": {"curvature_per_m": 1.0 / 15.0},
+        "format": 2, "name": "tight", "duration_s": 5.0, "road": {"curvature_per_m": 1.0 / 9.5},
         "reference": {"speed_kmh": 30.0},
     }  # fmt: skip
     _, _, message = run(Session(1, DRIVEN, scenario=parse_scenario(content, "test")))
-    assert "note: scenario 'tight': a steady state needs about 218 deg" in message
+    assert "note: scenario 'tight': a steady state needs about 344 deg" in message
 
 
 @pytest.mark.parametrize(("signals", "expected"), [(0, 5), (1, 0), (2, 0)])

@@ -1,6 +1,7 @@
 """Scenarios: the fields of a file, what is refused by name, and checks before a drive."""
 
 from copy import deepcopy
+from dataclasses import replace
 from math import radians
 from pathlib import Path
 from typing import Any
@@ -12,13 +13,16 @@ from kinematic_plant import KinematicCar
 from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.signals import NEUTRAL_INPUT, ControlInput
 from rt_controller.contract.timing import PERIOD_S
+from rt_controller.model.artifact import load_bundle, shipped_model
+from rt_controller.model.path_kinematics import Movement
+from rt_controller.model.validity import Validity
 from rt_controller.settings import CarSettings
 from sim_bridge.adapters.own_car import OwnCar
 from sim_bridge.car import Car
 from sim_bridge.plant.parameters import default_car
 from sim_bridge.plant.protocol import RoadAt
 from sim_bridge.scenario import Scenario, load_scenario, parse_scenario
-from sim_bridge.scenario_checks import grip_note, require_road, steering_note
+from sim_bridge.scenario_checks import grip_note, require_road, steering_note, training_note
 from sim_bridge.session import build_car
 
 GOOD: dict[str, Any] = {
@@ -330,7 +334,7 @@ def test_too_little_friction_is_noted_with_place_demand_and_grip() -> None:
 @pytest.mark.parametrize(
     ("radius_m", "speed_kmh", "text"),
     [
-        (15.0, 30.0, "about 218 deg at the steering wheel at s = 0 m (radius 15 m, 30 km/h)"),
+        (9.5, 30.0, "deg at the steering wheel at s = 0 m (radius 10 m, 30 km/h)"),
         (70.0, 85.0, "radius 70 m, 85 km/h"),
         (40.0, 30.0, ""),
         (80.0, 10.0, ""),
@@ -344,3 +348,40 @@ def test_a_bend_that_needs_too_much_steering_is_noted_and_a_short_peak_is_not(
     assert text in str(note)
     assert (note is None) is (text == "")
     assert steering_note(load_scenario("lane_change_60")) is None
+
+
+@pytest.mark.parametrize(
+    ("road", "others", "is_path_exact", "text"),
+    [
+        ({"curvature_per_m": 0.025}, {}, False, "curvature 0.025 1/m at 45 km/h (the model was"),
+        ({"curvature_per_m": 0.025}, {}, True, ""),
+        ({"curvature_per_m": -0.045}, {}, True, "lateral acceleration 7 m/s² at 45 km/h"),
+        ({"friction": 0.6}, {}, True, "friction 0.6 (trained 0.85)"),
+        ({"friction": 0.9}, {}, True, ""),
+        ({"grade_percent": -9.0}, {}, True, "grade -9 % (trained -3 to 3 %)"),
+        ({"bank_deg": 4.0}, {}, True, "bank 4 deg (trained 0 deg)"),
+        ({}, {"payload": {"mass_kg": 250.0}}, True, "load 250 kg (trained 0 kg)"),
+        ({}, {"reference": {"speed_kmh": 150.0}}, True, "speed 150 km/h (the model was trained to"),
+        ({}, {"reference": {"speed_kmh": 20.0}}, True, ""),
+        ({"curvature_per_m": 0.15}, {"reference": {"speed_kmh": 20.0}}, True, ""),
+        ({"grade_percent": 7.0, "friction": 0.5}, {}, True, "friction 0.5 (trained 0.85); grade 7"),
+    ],
+)
+def test_a_scenario_that_leaves_the_training_of_the_model_is_named(
+    road: dict[str, object], others: dict[str, object], is_path_exact: bool, text: str
+) -> None:
+    validity = Validity(
+        np.array([8.0, 40.0]),
+        np.array([6.0, 8.0]),
+        np.array([5.0, 1.0]),
+        np.array([0.004, 0.004]),
+        np.array([[0.85, 0.85], [-0.03, 0.03], [0.0, 0.0], [0.0, 0.0]]),
+    )
+    model = replace(load_bundle(shipped_model("lti")), validity=validity)
+    if is_path_exact:
+        model = replace(model, movement=Movement(np.zeros((3, 6)), np.zeros(3)))
+    scenario = on_road(road, **{"reference": {"speed_kmh": 45.0}, **others})
+    note = training_note(scenario, model)
+    assert text in str(note)
+    assert (note is None) is (text == "")
+    assert training_note(scenario, replace(model, validity=None)) is None

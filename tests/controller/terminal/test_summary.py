@@ -18,6 +18,7 @@ from rt_controller.contract.signals import AT_REST, ControlInput, Mode, PathRefe
 from rt_controller.drive.scenario import LateralError
 from rt_controller.drive.trace import DriveTrace
 from rt_controller.loop import Ending, RunRecord
+from rt_controller.model.validity import Excess
 from rt_controller.realtime.scheduling import NO_GUARANTEES
 from rt_controller.realtime.timing import DeadlineAccount, TickTimes
 from rt_controller.report.table import print_table
@@ -76,6 +77,10 @@ def text(session: ControllerSession, is_verbose: bool = False) -> str:
     return "\n".join(line.strip() for line in shown.get().strip().splitlines())
 
 
+WHEEL = Excess(1.05, 2, -2.1, 2.0)
+OUTSIDE = driving(
+    0.004, faults=Fault.OUTSIDE_TRAINING, estimate=Estimate(excess=Excess(8.1 / 7.4, 1, -8.1, 7.4))
+)
 STOP = driving(0.1, mode=Mode.SAFE_STOP, cause=StopCause.SOLVER_FAILED)
 
 
@@ -94,6 +99,13 @@ STOP = driving(0.1, mode=Mode.SAFE_STOP, cause=StopCause.SOLVER_FAILED)
             "",
             "The car followed its path within 4 cm, but not its speed (up to 7.2 m/s off); no step "
             "was late; it was released at 72 km/h.",
+        ),
+        (
+            [OUTSIDE, driving(faults=Fault.OUTSIDE_TRAINING, estimate=Estimate(excess=WHEEL))] * 4,
+            Ending.MISSION_OVER,
+            "",
+            "The car followed its path within 1 cm; 0.2 s outside of what the model was trained "
+            "with: lateral acceleration 8.1 of 7.4 m/s²; no step was late.",
         ),
         (
             [driving(1.26, speed_mps=0.0)],

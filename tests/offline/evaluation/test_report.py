@@ -28,6 +28,7 @@ from rt_controller.model.artifact import load_bundle, shipped_model
 from rt_controller.model.dynamics import Shape
 from rt_controller.model.follow import Follow
 from rt_controller.model.lift import Lift
+from rt_controller.model.validity import Validity
 from rt_controller.report.canvas import to_svg
 from rt_controller.report.page import render_page
 from rt_controller.report.table import Fact, facts_table, format_number
@@ -263,6 +264,13 @@ def test_card_has_facts_hashes_and_every_error_with_its_interval(lti):
     assert "as trained: 2.5e-07" in card
     assert "vx_mps 1.5, vy_mps 2.5, yaw_rate_radps 3.5" in card
     assert "epsi_rad 650" in card
+    assert "The ranges of its training data are not known." in card
+    three = np.array([3.0, 4.0, 5.0])
+    validity = Validity(three, three, three, 0.01 * three, np.array([[0.5, 1.0], [0.0, 0.0]]))
+    known = write_card(replace(lti, validity=validity), CHECKS, comparison, [])
+    assert "| 14 | 4 | 229 | 0.04 |" in known
+    assert "| friction | 0.5 to 1 |" in known
+    assert "| grade | 0 % |" in known
     for model in comparison.library["models"].values():
         value, low, high = model["mse"]["ey_m_squared"].values()
         interval = f"{format_number(low, 3)}–{format_number(high, 3)}"

@@ -159,6 +159,14 @@ def test_a_trained_bundle_knows_its_data_its_step_and_the_range_of_its_signals(
     lowest, highest = bundle.signal_range
     assert lowest.tolist() == [*INPUT_LIMITS.lower, pytest.approx(roads.min())]
     assert highest.tolist() == [*INPUT_LIMITS.upper, pytest.approx(roads.max())]
+    validity, train = loaded.validity, toy_dataset.select("train").x
+    assert (validity.speed_mps[0], validity.speed_mps[-1]) == pytest.approx(
+        np.quantile(train[:, :-1, 0], [1e-3, 0.999])
+    )
+    lateral = np.abs(train[..., 0] * train[..., 2]).max()
+    assert 0.5 * lateral < validity.lateral_mps2.max() <= lateral
+    assert validity.curvature_per_m.max() > 0.004  # of roads near the car
+    assert validity.conditions.tolist() == [[0.85, 0.85], *([[0.0, 0.0]] * 3)]
     manifest = replace(toy_dataset.manifest, sha256="another")
     with pytest.raises(DatasetError, match="trained on"):
         export_checkpoint(checkpoint, replace(toy_dataset, manifest=manifest))

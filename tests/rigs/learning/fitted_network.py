@@ -40,7 +40,7 @@ def fitted(
         of_psi = is_known & (model.A_learned[i] > 0.0)
         of_signals = model.B_learned[i] > 0.0
         regressors = torch.cat([psi[:, of_psi], signals[:, of_signals]], dim=1)
-        target = after[:, i] - psi @ model.A_one[i].double()
+        target = after[:, i]
         # Some regressors are nearly proportional, such as speed and progress.
         normal = regressors.T @ regressors + RIDGE * len(psi) * torch.eye(regressors.shape[1])
         found = torch.linalg.solve(normal, regressors.T @ target).float()

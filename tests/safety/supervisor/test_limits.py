@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 from kinematic_car import (
     STRAIGHT,
@@ -17,6 +18,7 @@ from kinematic_car import (
 
 from rt_controller.contract.car import DEFAULT_CAR
 from rt_controller.contract.faults import NO_FAULT, Fault, StopCause
+from rt_controller.model.validity import TrainedRange, Validity
 from rt_controller.safety import supervisor
 from rt_controller.safety.checks import CHECKS, Quantity, Reaction, checks_of
 from rt_controller.safety.tick import Estimate
@@ -210,3 +212,48 @@ def test_a_speed_far_from_the_wanted_one_for_three_seconds_is_reported_and_stops
         assert car.tick().report == NO_FAULT
     car.disturb, car.is_stopping = replaced(vx_mps=vx_mps), True
     assert {car.tick().report for _ in range(125)} == {NO_FAULT}
+
+
+NARROW = Validity(
+    speed_mps=np.array([10.0, 30.0]),
+    lateral_mps2=np.array([2.0, 6.0]),
+    steer_rad=np.array([1.0, 0.6]),
+    curvature_per_m=np.array([0.02, 0.01]),
+    conditions=np.zeros((0, 2)),
+)
+
+
+@pytest.mark.parametrize(
+    ("motion", "expected"),
+    [
+        ((20.0, -3.9, 0.7, 0.014), None),
+        ((10.0, 2.0, -1.0, -0.02), None),
+        ((20.0, -4.4, 0.7, 0.0), "lateral acceleration 4.4 of 4 m/s²"),
+        ((20.0, 4.4, -1.2, 0.0), "steering wheel 69 of 46 deg"),
+        ((25.0, 0.0, 0.0, -0.02), "curvature 0.02 of 0.013 1/m"),
+        ((33.0, 6.1, 0.0, 0.0), "speed 119 of 108 km/h"),
+        ((9.0, 0.0, 0.0, 0.0), "speed 32 of 36 km/h"),
+        ((35.0, 12.0, 0.0, 0.0), "lateral acceleration 12 of 6 m/s²"),
+    ],
+)
+def test_what_is_furthest_outside_of_the_training_is_found(motion, expected):
+    found = TrainedRange(NARROW, is_path_exact=False).excess(*motion)
+    assert (found and found.text) == expected
+    if "curvature" in str(expected):
+        assert TrainedRange(NARROW, is_path_exact=True).excess(*motion) is None
+
+
+def test_a_motion_outside_of_the_training_is_reported_after_100_ms_and_stops_nothing():
+    known = {"trained": TrainedRange(NARROW, is_path_exact=False), "vx_mps": 31.0}
+    fast = STRAIGHT._replace(v_mps=31.0)
+    car = WatchedCar(path=fast, **known)
+    car.tick(4)
+    assert {(each.report, each.excess) for each in car.qualified} == {(NO_FAULT, None)}
+    estimate = car.tick()
+    assert (estimate.report, estimate.alarm) == (Fault.OUTSIDE_TRAINING, StopCause.NONE)
+    assert estimate.excess.text == "speed 112 of 108 km/h"
+    car.path = fast._replace(v_mps=34.0)
+    assert car.tick(300).report == Fault.OUTSIDE_TRAINING | Fault.SPEED_NOT_FOLLOWED
+    for inside in ({"trained": None}, {"vx_mps": 6.0}, {"vx_mps": 20.0}):
+        car = WatchedCar(**{"path": None, **known, **inside})
+        assert car.tick(10).report == NO_FAULT
