@@ -51,7 +51,7 @@ def equal(one: Bundle, other: Bundle) -> bool:
 
 def test_a_saved_bundle_loads_equal(bundle: Bundle, folder: Path) -> None:
     compared = {*PLAIN, "schema", "lift", "car", "selftest", "gains", "plans"}
-    compared |= {"signal_range", "means", "validity"}
+    compared |= {"signal_range", "movement", "validity"}
     assert compared == {field.name for field in fields(Bundle)}
     assert equal(load_bundle(folder), bundle)
     assert (folder / "card.md").read_text() == "# a card\n"

@@ -87,7 +87,13 @@ def test_sets_of_the_simulated_car_are_left_out_for_other_data(toy_dataset, bund
     imported = Imported((), "", 40, 0)
     dataset = replace(toy_dataset, manifest=replace(toy_dataset.manifest, origin=imported))
     tests = open_sets(SET_NAMES, dataset, [load_bundle(bundle_of("a"))], (2.0,))
-    assert [test.name for test in tests] == ["library", "new-roads", "noise-2"]
+    assert [test.name for test in tests] == [
+        "library",
+        "new-roads",
+        "bends-left",
+        "bends-right",
+        "noise-2",
+    ]
     found = capsys.readouterr().err
     left_out = "robustness, friction, mass, braking"
     assert f"without {left_out}: the data are not" in found
@@ -112,7 +118,7 @@ def test_several_models_are_evaluated_on_every_set(bundle_of, toy_folder, capsys
     assert figures["data_sha256"]
     assert figures["model_sha256"]["good"] != figures["model_sha256"]["bad"]
     assert list(figures["sets"]) == [
-        "library", "new-roads", *(each.name for each in FEW), "braking", "noise-1", "noise-3",
+        "library", "new-roads", "bends-left", *(each.name for each in FEW), "braking", "noise-1", "noise-3",
     ]  # fmt: skip
     assert next(iter(figures["series"])) == "sets"
     assert {"friction", "mass", "noise"} <= set(figures["series"])
