@@ -1,6 +1,7 @@
 """A model with an encoder and a loss of your own: trained for a moment, exported, compared.
 
-pip install -e ".[offline]" && offline-data --episodes 20 --seed 1 --data small
+pip install -e ".[offline]"
+offline-data --episodes 20 --seed 1 --largest-steer-deg 40 --data small
 python examples/own_encoder.py
 """
 

@@ -159,6 +159,8 @@ def pedals_for(
 
 HOLD_RATE_N_PER_S = 150.0
 """the brake pedal of a standing car is pressed further at this rate"""
+TIGHTER_MPS = 1.5
+"""so much slower the model drives on in a bend that needs more than the wheel of the other law"""
 ROLLING_MPS = 0.5
 """the wheel of a car that rolls through its hold faster than this follows the path"""
 
@@ -242,8 +244,10 @@ class LowSpeedLaw:
         """The law of this tick, with the wheel at `wheel_rad`."""
         self.most_plan_rad = self.largest_plan_rad(vx_mps)
         self._is_turned = abs(wheel_rad) > self.most_plan_rad
-        self._law_before = self.law
-        self.law = next_law(self.law, vx_mps, path, self._car.speeds, self._is_turned)
+        self._law_before, speeds = self.law, self._car.speeds
+        if abs(wheel_rad) > self.largest_wheel_rad(vx_mps):
+            speeds = speeds._replace(leave_mps=speeds.leave_mps - TIGHTER_MPS)
+        self.law = next_law(self.law, vx_mps, path, speeds, self._is_turned)
         return self.law
 
     def control(

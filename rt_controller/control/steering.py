@@ -1,6 +1,6 @@
 """Steering of a slowly rolling car along its path, by the geometry of the single-track model."""
 
-from math import atan, copysign, sqrt
+from math import asin, atan, copysign, cos, sqrt
 from typing import NamedTuple
 
 from rt_controller.contract.limits import INPUT_LIMITS, SteeringGeometry
@@ -15,7 +15,7 @@ DAMPING = 1.0
 """damping ratio of the lateral deviation over arc length"""
 STEER_PER_M = 2.0
 """largest change of the wheel angle over the distance rolled, rad/m"""
-LARGEST_TURN_MPS2 = 4.0
+LARGEST_TURN_MPS2 = 5.0
 """lateral acceleration of a steady turn with the wheel; the vehicle accepts more"""
 LAG_SHARE = 0.2
 """of the distance from centre of gravity to rear axle, by which the wheel turns later"""
@@ -24,6 +24,8 @@ ERROR_TIME_S = 0.5
 SLOWEST_TURN_MPS = 1.0
 """below it speed and yaw rate say little about the geometry"""
 LARGEST_SLIP_RAD, LARGEST_ERROR_PER_M = 0.1, 0.03
+LARGEST_BESIDE = 0.7
+"""of the distance to the rear axle over the radius: a car of 45 deg sideslip"""
 APPROACH_SHARE = 0.5
 """share of the largest curvature that the return from a large deviation may need"""
 
@@ -69,21 +71,23 @@ def path_curvature_per_m(
 
     With the deviation e and the course error chi of the centre of gravity over arc length s,
     e'' + 2 zeta / l e' + e / l^2 = 0 for the decay length l = `DECAY_M`. On a bend the centre of
-    gravity moves at the angle rear_axle_m * curvature to the car's heading, so this is part of the
-    wanted heading; the feedback of the heading acts through it on itself, hence the denominator.
+    gravity moves at the angle asin(rear_axle_m * curvature) to the car's heading, so this is part
+    of the wanted heading, and the rear axle moves on a smaller circle; the feedback of the heading
+    acts through it on itself, hence the denominator.
     The course towards the path is at most sqrt(kappa |e|): from a larger one the car could not turn
     onto the path with the curvature kappa, a share of `largest_per_m`, without crossing it.
     """
     wanted_per_m = curvature_per_m + 2.0 * path.c2_per_m
     deviation_m = state.ey_m - path.c0_m
-    course_rad = (
-        state.epsi_rad + geometry.rear_axle_m * wanted_per_m - atan(path.c1) + error.slip_rad
-    )
+    beside = geometry.rear_axle_m * wanted_per_m
+    moved_rad = asin(min(max(beside, -LARGEST_BESIDE), LARGEST_BESIDE))
+    course_rad = state.epsi_rad + moved_rad - atan(path.c1) + error.slip_rad
     per_m = 2.0 * DAMPING / DECAY_M
     steepest = sqrt(APPROACH_SHARE * largest_per_m * abs(deviation_m))
     approach_rad = min(abs(deviation_m) / (per_m * DECAY_M**2), steepest)
     feedback = per_m * (course_rad + copysign(approach_rad, deviation_m))
-    return wanted_per_m - error.curvature_per_m - feedback / (1.0 + per_m * geometry.rear_axle_m)
+    rear_per_m = wanted_per_m / cos(moved_rad)
+    return rear_per_m - error.curvature_per_m - feedback / (1.0 + per_m * geometry.rear_axle_m)
 
 
 def wheel_angle_rad(curvature_per_m: float, vx_mps: float, geometry: SteeringGeometry) -> float:

@@ -155,11 +155,18 @@ def test_plans_are_stored_and_repeated_from_the_files(exported, tmp_path):
     require_stored_plans(loaded)
 
 
-@pytest.mark.parametrize("matrix", ["A", "B_uc", "B_uw", "c"])
-def test_another_model_with_a_hash_of_its_own_is_refused(exported, tmp_path, matrix):
-    values = getattr(exported, matrix)
-    other = values + 0.05 if matrix == "c" else 1.02 * values if matrix == "A" else -values
-    save_bundle(tmp_path, replace(exported, **{matrix: other}), "card")
+@pytest.mark.parametrize("part", ["A", "B_uc", "c", "road"])
+def test_another_model_with_a_hash_of_its_own_is_refused(exported, tmp_path, part):
+    A, B_uc, B_uw, c, movement = (
+        getattr(exported, name) for name in ("A", "B_uc", "B_uw", "c", "movement")
+    )
+    turned = (
+        {"B_uw": -B_uw}
+        if movement is None
+        else {"movement": movement._replace(s0=movement.s0 + 0.01)}
+    )
+    changed = {"A": {"A": 1.02 * A}, "B_uc": {"B_uc": -B_uc}, "c": {"c": c + 0.05 * (c != 0.0)}}
+    save_bundle(tmp_path, replace(exported, **{**changed, "road": turned}[part]), "card")
     with pytest.raises(ArtifactError, match=r"stored at its export .* found a difference"):
         build_mpc(load_bundle(tmp_path), MpcSettings())
 

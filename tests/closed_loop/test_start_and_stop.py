@@ -216,7 +216,7 @@ def test_a_drive_that_begins_in_a_bend_begins_in_its_steady_turn(
     turn_radps = side * drive["vx_mps"][first] / radius_m
     assert drive["yaw_rate_radps"][first] == pytest.approx(turn_radps, rel=0.02)
     assert side * drive["steer_rad"][first] > 0.0
-    assert drive["throttle"][first] > 0.0
+    assert speed_kmh < 30.0 or drive["throttle"][first] > 0.0  # idling, the engine pulls
     assert drive.stop_s is None
     assert drive.errors.ey_peak_m < 0.05
     assert np.abs(drive["path_vx_mps"] - drive["vx_mps"])[first : first + 80].max() < 0.35

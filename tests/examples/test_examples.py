@@ -12,7 +12,10 @@ EXAMPLES = Path(__file__).parents[2] / "examples"
 PROGRAMS = sorted(EXAMPLES.glob("*.py"))
 ARGUMENTS = {"plot_log": ("drive.svg", "drive.log")}
 PREPARATIONS = {
-    "own_encoder": (offline.cli.data_main, "--episodes 10 --seed 1 --data small --jobs 1"),
+    "own_encoder": (
+        offline.cli.data_main,
+        "--episodes 20 --seed 1 --largest-steer-deg 40 --data small --jobs 1",
+    ),
     "own_predictor": (offline.cli.data_main, "--episodes 10 --seed 1 --data small --jobs 1"),
     "plot_log": (
         rt_controller.cli.main,

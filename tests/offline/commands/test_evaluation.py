@@ -91,7 +91,6 @@ def test_sets_of_the_simulated_car_are_left_out_for_other_data(toy_dataset, bund
         "library",
         "new-roads",
         "bends-left",
-        "bends-right",
         "noise-2",
     ]
     found = capsys.readouterr().err
@@ -118,7 +117,8 @@ def test_several_models_are_evaluated_on_every_set(bundle_of, toy_folder, capsys
     assert figures["data_sha256"]
     assert figures["model_sha256"]["good"] != figures["model_sha256"]["bad"]
     assert list(figures["sets"]) == [
-        "library", "new-roads", "bends-left", *(each.name for each in FEW), "braking", "noise-1", "noise-3",
+        "library", "new-roads", "bends-left",
+        *(each.name for each in FEW), "braking", "noise-1", "noise-3",
     ]  # fmt: skip
     assert next(iter(figures["series"])) == "sets"
     assert {"friction", "mass", "noise"} <= set(figures["series"])
