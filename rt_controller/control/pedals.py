@@ -26,7 +26,7 @@ class Pedal(IntEnum):
 
 WITH_PEDAL = {p: slice(p, InputColumn.steer_rad + 1, InputColumn.steer_rad - p) for p in Pedal}
 """columns of one pedal and the steering"""
-CHANGE_MPS2 = 0.15
+CHANGE_MPS2 = 0.25
 """acceleration beyond that of released pedals for which the other pedal is taken: the hysteresis"""
 
 _CHANGE_TICKS = round(PEDAL_CHANGE_S / PERIOD_S)

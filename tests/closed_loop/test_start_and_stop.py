@@ -68,7 +68,7 @@ def test_a_stop_is_at_its_target_held_and_left(model, braking_mps2, friction, cu
     found = {figure.name: figure.value for figure in drive.car_figures}
     assert found["stop_error_m"] < 0.1
     assert found["creep_m"] < 0.02
-    assert found["hold_steer_rad"] == 0.0
+    assert degrees(found["hold_steer_rad"]) < 1.0
     assert laws(drive) == SLOW
     assert np.abs(drive["vx_mps"] - drive["path_vx_mps"])[drive["vx_mps"] > 4.0].max() < 1.0
 

@@ -163,12 +163,12 @@ def ceilings(choice, throttle, brake, periods=EVERY_PERIOD):
 @pytest.mark.parametrize(
     ("needed_mps2", "pedal"),
     [
-        ([-0.1], Pedal.THROTTLE),
-        ([-0.2], Pedal.BRAKE),
+        ([-0.2], Pedal.THROTTLE),
+        ([-0.3], Pedal.BRAKE),
         # between its thresholds the choice does not change
-        ([-0.2, 0.1], Pedal.BRAKE),
-        ([-0.2, 0.2], Pedal.THROTTLE),
-        ([-0.2, 0.2, -0.1], Pedal.THROTTLE),
+        ([-0.3, 0.2], Pedal.BRAKE),
+        ([-0.3, 0.3], Pedal.THROTTLE),
+        ([-0.3, 0.3, -0.2], Pedal.THROTTLE),
     ],
 )
 def test_the_pedal_is_that_of_the_acceleration_that_released_pedals_do_not_give(needed_mps2, pedal):
