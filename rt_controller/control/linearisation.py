@@ -55,13 +55,17 @@ class Linearisation:
         if bundle.movement is not None:
             columns = {StateColumn.ey_m, StateColumn.epsi_rad, *tracked}
             columns &= {*range(n)[PATH_STATES]}
-            self._path = PathDerivatives(bundle.movement, sorted(columns))
+            self._path = PathDerivatives(bundle.movement, sorted(columns), stages)
             terms = terms.with_path(self._path)
         self.is_linear = len(terms.S) == 0
         self._follow = bundle.gains.follows if bundle.gains else Follow.PREDICTION
 
-        # Nominal prediction: [a; psi; u; 1; t m - a o] of each stage.
-        A, S, N = bundle.A, gains.S, gains.N
+        # Nominal prediction: [a; psi; u; 1; t m - a o] of each stage. Where the gains follow it,
+        # the part -a o is linear in psi and belongs to A.
+        S, N = gains.S, gains.N
+        self._saturates_apart = gains.has_saturation and self._follow is not Follow.PREDICTION
+        linear = N * (0.0 if self._saturates_apart else gains.is_saturation)
+        A, self._c = bundle.A - linear @ S, bundle.c - linear @ gains.s0
         self._prediction = np.zeros((stages + 1, q + n + m + 1 + q))
         self._prediction[:, q + n + m] = 1.0
         self.observables = self._prediction[:, q : q + n]
@@ -81,6 +85,7 @@ class Linearisation:
                 self._prediction[k, q:],
                 a[k],
                 self._t[k, :q],
+                a[k, gains.first_saturating :],
                 self._t[k, gains.first_saturating : q],
                 self._multipliers[k],
                 self._prediction[k, q + n + m + 1 :],
@@ -117,7 +122,7 @@ class Linearisation:
         """
         bundle, gains, offset = self._bundle, self._gains, self._offset
         np.multiply(bundle.B_uw[:, 0], curvature_per_m, out=offset)
-        offset += bundle.c
+        offset += self._c
         self._offsets[: gains.count] = gains.S @ offset + gains.s0
         self._offsets[gains.count :] = offset
         self.observables[0] = psi
@@ -142,18 +147,19 @@ class Linearisation:
     def _roll_out(self) -> None:
         gains, step_map, followed = self._gains, self._step_map, self.observables[0]
         follows_prediction = self._follow is Follow.PREDICTION
-        saturations = gains.is_saturation if gains.has_saturation else None
+        has_linear = gains.first_saturating > 0
         np.add(gains.S @ followed, gains.s0, out=self._prediction[0, : gains.count])
-        for psi_u_1_forcing, a, t, t_tanh, m, value, following in self._stages:
+        for psi_u_1_forcing, a, t, a_tanh, t_tanh, m, value, following in self._stages:
             if not follows_prediction:
                 np.add(gains.S @ followed, gains.s0, out=a)
                 if self._follow is Follow.FREE_RESPONSE:
                     followed = self._bundle.A @ followed + self._offset
-            t[:] = a
-            np.tanh(t_tanh, out=t_tanh)
+            if has_linear:
+                t[:] = a
+            np.tanh(a_tanh, out=t_tanh)
             np.multiply(t, m, out=value)
-            if saturations is not None:
-                np.subtract(value, a * saturations, out=value)
+            if self._saturates_apart:
+                np.subtract(value, a * gains.is_saturation, out=value)
             np.dot(step_map, psi_u_1_forcing, out=following)
 
     def _follow_path(self, derivatives: PathDerivatives, curvature_per_m: float) -> None:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.signals import PATH_STATES
 from rt_controller.model.follow import Follow
-from rt_controller.model.path_kinematics import Movement, path_of
+from rt_controller.model.path_kinematics import Movement, path_after, path_of_one
 
 
 class Shape(IntEnum):
@@ -133,10 +133,12 @@ class Step:
         """
         following = self._linear_and_gains(psi, inputs, followed)
         if self._movement is not None:
-            moved = psi @ self._movement.S.T + self._movement.s0
-            curvature = inputs[..., self._curvature, None]
-            path = path_of(moved[..., None, :], curvature, psi[..., PATH_STATES])
-            following[..., PATH_STATES] = path[..., 0, :]
+            moved, path = psi @ self._movement.S.T + self._movement.s0, psi[..., PATH_STATES]
+            curvature = inputs[..., self._curvature]
+            if psi.ndim == 1:
+                following[PATH_STATES] = path_of_one(moved, float(curvature), path)
+            else:
+                following[..., PATH_STATES] = path_after(moved, curvature, path)
         return following
 
     def _linear_and_gains(self, psi: Array, inputs: Array, followed: Array | None) -> Array:

@@ -25,7 +25,7 @@ from rt_controller.contract.signals import PATH_STATES, VEHICLE
 from rt_controller.model.bundle import Bundle
 from rt_controller.model.follow import Follow
 from rt_controller.model.lift import Lift, LiftSample
-from rt_controller.model.path_kinematics import path_of
+from rt_controller.model.path_kinematics import path_after
 
 STEPS = 80
 
@@ -244,8 +244,8 @@ def test_the_roll_out_in_physical_units_equals_the_scaled_one(exported):
         undriven = w[k] @ B_uw.T + c
         before, psi = psi, psi @ A.T + u[k] @ B_uc.T + undriven + added
         if movement is not None:
-            moved = (before @ movement.S.T + movement.s0)[:, None]
-            psi[:, PATH_STATES] = path_of(moved, w[k], before[:, PATH_STATES])[:, 0]
+            moved = before @ movement.S.T + movement.s0
+            psi[:, PATH_STATES] = path_after(moved, w[k, :, 0], before[:, PATH_STATES])
         free = free @ A.T + undriven
     expected = in_physical_units(roll_out_scaled(model, trajectories)[-1])
     assert np.allclose(psi, expected, rtol=1e-9, atol=1e-9)
