@@ -1,6 +1,6 @@
 """`python -m benchmarks.false_alarms`: how often a car without a fault is stopped.
 
-Every scenario is driven in simulated time with friction 0.5 to 1, mass -15 % to +15 %, grades,
+Every scenario, tight bends among them, is driven in simulated time with friction 0.5 to 1, mass -15 % to +15 %, grades,
 bank, side wind, all shipped cars, steps of the wanted speed and of the path, and the noise and
 offsets of production sensors, a quarter of the drives without them. Half of the drives end in a
 stop that is requested at any time of the scenario. A drive in which a check fails is driven again
@@ -48,6 +48,10 @@ ZERO_EVENTS_95, PER_EVENT_95 = 3.0, 2.0
 """upper bound, with 95 % confidence, of the expected number of events of which none was seen; what
 each event that was seen adds to it"""
 
+BENDS = tuple(
+    str(Path(__file__).parent / "scenarios" / f"{name}.toml")
+    for name in ("bend_20m", "bend_40m", "bend_60m", "s_bends")
+)
 app = cyclopts.App(name="python -m benchmarks.false_alarms", version_flags=[])
 
 
@@ -94,7 +98,7 @@ def main(
 
     Args:
         model: name of a shipped model, or folder of a bundle.
-        scenarios: names; default: all that are shipped.
+        scenarios: names, or paths of .toml files; default: all that are shipped, and tight bends.
         hours: of simulated driving.
         jobs: processes.
         drives: file with one line of JSON for each drive. What it already has is not driven again:
@@ -106,7 +110,9 @@ def main(
     bundle = Bundle.load(model)
     found = _earlier(drives, bundle.sha256[:16])
     done = {each.condition for each in found}
-    todo = (each for each in conditions(scenarios or shipped_scenarios()) if each not in done)
+    todo = (
+        each for each in conditions(scenarios or (*shipped_scenarios(), *BENDS)) if each not in done
+    )
     for each in _drive_all(todo, model, max(jobs, 1), 3600.0 * hours - _driven_s(found)):
         found.append(each)
         if drives is not None:

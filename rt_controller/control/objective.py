@@ -138,17 +138,18 @@ class Objective:
         np.subtract(self._outputs.reshape(-1), constant, out=constant)
         constant -= v @ gamma
         if self._vx is not None:
-            steer, last = (
-                slice(InputColumn.steer_rad, None, N_INPUTS),
-                self._vx - self._by_psi.shape[1],
-            )
+            steer = slice(InputColumn.steer_rad, None, N_INPUTS)
+            last = self._vx - self._by_psi.shape[1]
             self._steered_mps = float(v[steer] @ gamma[steer, last])
         constant -= curvature * self._by_curvature.reshape(-1)
         np.multiply(gamma, self._weights, out=self._gamma_q)
 
     def released_speed_error_mps(self, parameters: QpParameters) -> float:
-        """v_x less its reference at the end of the horizon, steered as nominal with both pedals
-        released; 0 if the speed has no weight. With the maps of the last `update_matrices`."""
+        """v_x less its reference at the end of the horizon with both pedals released.
+
+        Steered as nominal; 0 if the speed has no weight. With the maps of the last
+        `update_matrices`.
+        """
         if self._vx is None:
             return 0.0
         speed_mps = float(self._by_psi[-1, self._vx] @ parameters.psi) + self._steered_mps

@@ -92,10 +92,8 @@ def classify(tick: Tick) -> tuple[Event, StopCause]:
         return Event.RESET, StopCause.NONE
     is_ready = (tick.is_answered and tick.is_wheel_matched) or mode is not Mode.STANDBY
     if not tick.is_engaged or tick.is_vehicle_braking or not is_ready:
-        return (
-            Event.IDLE,
-            StopCause.NONE,
-        )  # a drive begins after the vehicle accepts commands, and without a turn of the wheel
+        # A drive begins after the vehicle accepts commands, and without a turn of the wheel.
+        return Event.IDLE, StopCause.NONE
     if tick.periods_held == 0:
         return _EVENT_OF_LAW[tick.law], StopCause.NONE
     may_hold = tick.planned is not None and tick.periods_held <= HOLD_PLAN_TICKS
