@@ -1,8 +1,8 @@
 """`python -m benchmarks.false_alarms`: how often a car without a fault is stopped.
 
-Every scenario, tight bends among them, is driven in simulated time with friction 0.5 to 1, mass -15 % to +15 %, grades,
-bank, side wind, all shipped cars, steps of the wanted speed and of the path, and the noise and
-offsets of production sensors, a quarter of the drives without them. Half of the drives end in a
+Every scenario, and tight bends, are driven in simulated time with friction 0.5 to 1, mass -15 % to
++15 %, grades, bank, side wind, all shipped cars, steps of the wanted speed and of the path, and the
+noise and offsets of production sensors, a quarter of the drives without them. Half of the drives end in a
 stop that is requested at any time of the scenario. A drive in which a check fails is driven again
 without checks: if the car leaves its path there too, it has too little grip and the stop is right;
 else the alarm is a false one.
@@ -110,9 +110,8 @@ def main(
     bundle = Bundle.load(model)
     found = _earlier(drives, bundle.sha256[:16])
     done = {each.condition for each in found}
-    todo = (
-        each for each in conditions(scenarios or (*shipped_scenarios(), *BENDS)) if each not in done
-    )
+    chosen = scenarios or (*shipped_scenarios(), *BENDS)
+    todo = (each for each in conditions(chosen) if each not in done)
     for each in _drive_all(todo, model, max(jobs, 1), 3600.0 * hours - _driven_s(found)):
         found.append(each)
         if drives is not None:
