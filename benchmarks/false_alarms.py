@@ -2,10 +2,10 @@
 
 Every scenario, and tight bends, are driven in simulated time with friction 0.5 to 1, mass -15 % to
 +15 %, grades, bank, side wind, all shipped cars, steps of the wanted speed and of the path, and the
-noise and offsets of production sensors, a quarter of the drives without them. Half of the drives end in a
-stop that is requested at any time of the scenario. A drive in which a check fails is driven again
-without checks: if the car leaves its path there too, it has too little grip and the stop is right;
-else the alarm is a false one.
+noise and offsets of production sensors, a quarter of the drives without them. Half of the drives
+end in a stop that is requested at any time of the scenario. A drive in which a check fails is
+driven again without checks: if the car leaves its path there too, it has too little grip and the
+stop is right; else the alarm is a false one.
 """
 
 import json as json_module
