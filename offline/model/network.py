@@ -1,8 +1,8 @@
 """MDK-Net: an encoder and the matrices A and B, learned together.
 
 All signals are scaled (`offline.data.signals`). Paper: section II, eqs. (6)-(8), and the table of
-hyperparameters. Beyond the paper, the path may follow from the motion by kinematics, the encoder may
-also read exogenous signals and the history and add a layer of products, one observable may be
+hyperparameters. Beyond the paper, the path may follow from the motion by kinematics, the encoder
+may also read exogenous signals and the history and add a layer of products, one observable may be
 constant, B may depend on the lifted state, and gains and drift may saturate.
 
 The motion of a car on a plane does not depend on the road that is drawn on it: speeds and yaw rate

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from itertools import pairwise
-from math import inf, isfinite, sqrt
+from math import inf, isfinite, radians, sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -285,6 +285,19 @@ START = REST._replace(v_mps=0.5, a_mps2=1.0)
 )
 def test_the_next_law_follows_from_speed_and_reference(law, vx_mps, path, following):
     assert next_law(law, vx_mps, path, SPEEDS) is following
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_the_model_drives_on_in_a_bend_that_needs_more_than_this_law_turns(side):
+    """Down to 1.5 m/s below its slowest speed: this law would drive the bend slower."""
+    car = ASSUMED._replace(speeds=SpeedRange(8.0, 9.0), model_rad=radians(300.0))
+    within_rad = LowSpeedLaw(car).largest_wheel_rad(6.6)
+    for vx_mps, wheel_rad, expected in (
+        (6.6, 0.99 * within_rad, SLOW),
+        (6.6, 1.01 * within_rad, MODEL),
+        (6.4, 1.2 * within_rad, SLOW),
+    ):
+        assert LowSpeedLaw(car).choose(vx_mps, CRUISE, side * wheel_rad) is expected
 
 
 @given(

@@ -24,6 +24,7 @@ from offline.evaluation.simulated_sets import (
 from offline.evaluation.test_sets import (
     DEFAULT_LEVELS,
     ROBUSTNESS,
+    bends_sets,
     choose_levels,
     library_set,
     new_roads_set,
@@ -83,11 +84,24 @@ def test_curvatures_of_the_library_are_not_among_the_new_ones(toy_dataset):
     assert new_roads_set(replace(toy_dataset, manifest=every)) is None
 
 
+def test_bends_are_of_one_side_and_of_radii_that_a_car_can_drive(toy_dataset):
+    found = bends_sets(toy_dataset)
+    assert found
+    assert {test.name for test in found} <= {"bends-left", "bends-right"}
+    for test in found:
+        curvature = test.trajectories.w[:, 0, 0] * (1.0 if test.name == "bends-left" else -1.0)
+        assert np.all((curvature >= 1.0 / 250.0) & (curvature <= 1.0 / 8.0))
+        assert test.curvature_per_m is None
+        episodes = toy_dataset.episodes("test")
+        assert np.isin(test.trajectories.episode, episodes).all()
+
+
 def test_data_without_roads_have_a_library_and_no_new_roads(without_roads):
     library = library_set(without_roads)
     assert library.curvatures_per_m == ()
     assert library.n_trajectories == 5 * len(without_roads.episodes("test"))
     assert new_roads_set(without_roads) is None
+    assert bends_sets(without_roads) == []
 
 
 LIBRARY = made_test_set(made_trajectories(4_000))
