@@ -85,6 +85,8 @@ class CarEnd:
         self._commands = 0
         self._taken: Received[Command] | None = None
         self._feedback_ns: tuple[int, ...] = ()
+        self.reported: ControlInput | None = None
+        """inputs that the car reported last as applied; None: it has not"""
         self._mission: Mission | None = None
         self.course: Course | None = None
         """None: a signal is missing or not valid"""
@@ -164,6 +166,7 @@ class CarEnd:
                 send(PREVIEW, preview, now_ns, counter=tick)
         feedback = self._applied(now_ns)
         if feedback is not None:
+            self.reported = feedback
             send(FEEDBACK, feedback, now_ns)
         mission = self._requested_mission(now_ns)
         is_new = mission != self._mission

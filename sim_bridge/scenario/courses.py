@@ -20,7 +20,6 @@ from pydantic import Field
 from rt_controller.contract.arrays import Array
 from sim_bridge.scenario.lateral import Lateral
 from sim_bridge.scenario.table import Interpolation, Table, through
-from sim_bridge.scenario.values import NotNegative
 from sim_bridge.toml_file import FileTable, Number
 
 CONE_RADIUS_M = 0.14
@@ -155,6 +154,7 @@ def _refined(poses: Poses) -> Poses:
     return Poses(*(np.interp(x, np.arange(n), part) for part in poses))
 
 
+_Start = Annotated[Number, Field(ge=0.0, le=1e6)]
 _Clearance = Annotated[Number, Field(ge=0.0, le=5.0)]
 
 
@@ -165,7 +165,7 @@ class Slalom(FileTable):
     """
 
     kind: Literal["slalom"]
-    start_s_m: NotNegative
+    start_s_m: _Start
     spacing_m: Annotated[Number, Field(ge=5.0, le=200.0)]
     cones: Annotated[int, Field(ge=2, le=100, strict=True)]
     clearance_m: _Clearance = 0.3
@@ -192,7 +192,7 @@ class IsoLaneChange(FileTable):
     """
 
     kind: Literal["iso_3888_1", "iso_3888_2"]
-    start_s_m: NotNegative
+    start_s_m: _Start
     """beginning of the first lane"""
     clearance_m: _Clearance = 0.1
     """of the path to the edges of the lanes"""

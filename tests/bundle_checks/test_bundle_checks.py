@@ -26,6 +26,7 @@ from rt_controller.contract.signals import VEHICLE
 from rt_controller.loop import Ending
 from rt_controller.model.artifact import load_bundle, save_bundle, shipped_model
 from rt_controller.model.bundle import Bundle
+from rt_controller.model.path_kinematics import Movement
 from rt_controller.node import build_mpc
 from rt_controller.simulation import simulate
 
@@ -110,12 +111,20 @@ def permute_latents(bundle: Bundle) -> Bundle:
     return replace(bundle, A=bundle.A[:, [*range(6), *latents]])
 
 
+def turn_the_road(bundle: Bundle) -> Bundle:
+    """The car turns the other way on its road."""
+    if bundle.movement is None:
+        return replace(bundle, B_uw=-bundle.B_uw)
+    S, s0 = bundle.movement
+    return replace(bundle, movement=Movement(S * [[1.0], [1.0], [-1.0]], s0))
+
+
 WRONG = {
     "nothing": lambda bundle: bundle,
     "pedals": lambda bundle: replace(bundle, B_uc=bundle.B_uc[:, [1, 0, 2]]),
     "inputs": lambda bundle: replace(bundle, B_uc=0.5 * bundle.B_uc),
     "steering": lambda bundle: replace(bundle, B_uc=bundle.B_uc * np.array([1.0, 1.0, 0.5])),
-    "curvature": lambda bundle: replace(bundle, B_uw=-bundle.B_uw),
+    "curvature": turn_the_road,
     "latents": permute_latents,
     "offset": lambda bundle: replace(bundle, c=np.zeros_like(bundle.c)),
 }
