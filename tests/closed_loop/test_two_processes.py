@@ -36,7 +36,7 @@ class Drive:
         scenario = self.folder / "straight.toml"
         scenario.write_text(
             f'format = 2\nname = "straight"\nduration_s = {duration_s}\n'
-            "[reference]\nspeed_kmh = 30.0\n"
+            "[reference]\nspeed_kmh = 40.0\n"
         )
         return self.start_program("car", "sim_bridge.cli", "--scenario", str(scenario))
 
