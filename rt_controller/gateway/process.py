@@ -180,8 +180,9 @@ class Gateway:
             for name in (refusal.name or "" for refusal in found):
                 counts.refused_because[name] = counts.refused_because.get(name, 0) + 1
         else:
-            driver = car_end.reported
-            if self._mode is Mode.STANDBY and driver is not None:  # who hands over a pressed pedal
+            driver, mode = car_end.reported, command.content.mode
+            is_takeover = self._mode is Mode.STANDBY and mode is not Mode.STANDBY
+            if is_takeover and driver is not None:  # who may hand over a pressed pedal
                 pedals = {"throttle": driver.throttle, "brake_n": driver.brake_n}
                 self._applied = self._applied._replace(**pedals)
             self._applied = self._limit(command.content.control)
