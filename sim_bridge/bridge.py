@@ -2,6 +2,7 @@
 
 from collections import deque
 from dataclasses import asdict, dataclass
+from math import inf
 from typing import NamedTuple
 
 import can
@@ -25,6 +26,7 @@ from rt_controller.bus.receive import Inbox, Received
 from rt_controller.bus.send import Outbox
 from rt_controller.contract.errors import BusError
 from rt_controller.contract.faults import NO_REFUSAL
+from rt_controller.contract.limits import stop_speed_mps
 from rt_controller.contract.signals import NEUTRAL_INPUT, Mode
 from rt_controller.contract.timing import (
     IDENT_PERIOD_TICKS,
@@ -168,6 +170,7 @@ class Bridge:
         self.has_failed = not car.is_sound
         """True if the motion is not finite or too fast; its states are sent as invalid"""
         self._sent_ticks = self._failed_ticks = 0
+        self._stop_mps = inf
         self._has_driver = False
         """the mission is over, and the controller has released the car: a driver has taken it"""
 
@@ -325,9 +328,12 @@ class Bridge:
             if watchdog.judge(self._command, now_ns, newest, motion, bool(failed)):
                 course = Course(run.path, run.state, run.curvature_per_m)
                 before_rad = watchdog.applied.steer_rad  # commanded: a late wheel is behind it
+                self._stop_mps = stop_speed_mps(self._stop_mps, run.state.vx_mps)
                 watchdog.brake(
                     steer_along(*course, before_rad),
-                    largest_brake_n(course, before_rad, actuators.open_throttle),
+                    largest_brake_n(
+                        course, before_rad, actuators.open_throttle, stop_mps=self._stop_mps
+                    ),
                     Actuator.STEERING_WHEEL in failed,
                 )
             wanted = watchdog.applied

@@ -1,9 +1,10 @@
 """Limits of the inputs: bounds and rates, grip beside the brake, geometry that bounds the wheel."""
 
-from math import atan, radians
+from math import atan, inf, radians
 from typing import NamedTuple
 
 from rt_controller.contract.signals import GRAVITY_MPS2, ControlInput
+from rt_controller.contract.timing import PERIOD_S
 
 
 class InputLimits(NamedTuple):
@@ -52,6 +53,8 @@ LEAST_BRAKE_N = 25.0
 SLOW_MPS, SLOW_BRAKE_N = 9.0, 60.0
 """a slower car brakes with at least this force, 3 m/s^2: it stops within 14 m on a level road, and
 also 20 % downhill, where the least force of a faster one does not stop it"""
+LEAST_SLOWING_MPS2, TOLERATED_MPS, MORE_BRAKE_N_PER_MPS = 0.8, 0.3, 20.0
+"""deceleration that every stop reaches, and the least force of one that is slower than that"""
 HARD_BRAKE_N, HARD_BRAKE_RATE_N_PER_S = 100.0, 300.0
 """about 0.5 g, of a car whose place is not known: only a short stop keeps it near its path"""
 LESS_BRAKE_N_PER_MPS2 = 20.0
@@ -65,9 +68,22 @@ OPEN_THROTTLE_N = 120.0
 """brake force that balances a throttle that is fully open"""
 
 
-def least_brake_n(vx_mps: float) -> float:
-    """Least brake force of a stop at this speed, in N."""
-    return SLOW_BRAKE_N if vx_mps < SLOW_MPS else LEAST_BRAKE_N
+def stop_speed_mps(before_mps: float, vx_mps: float, periods: int = 1) -> float:
+    """Largest speed of a stopping car, from that of the tick before; infinite: it begins now."""
+    return min(before_mps, vx_mps) - LEAST_SLOWING_MPS2 * PERIOD_S * periods
+
+
+def least_brake_n(vx_mps: float, stop_mps: float = inf) -> float:
+    """Least brake force of a stop, in N: more downhill, where a car gains speed beside a bend.
+
+    Args:
+        vx_mps: speed of the car.
+        stop_mps: see `stop_speed_mps`.
+    """
+    if vx_mps < SLOW_MPS:
+        return SLOW_BRAKE_N
+    more_n = MORE_BRAKE_N_PER_MPS * max(vx_mps - stop_mps - TOLERATED_MPS, 0.0)
+    return min(LEAST_BRAKE_N + more_n, SLOW_BRAKE_N)
 
 
 def brake_beside_n(

@@ -6,7 +6,7 @@ limited once more. If they stop, are refused, or lead the car off its path, the 
 
 import time
 from dataclasses import dataclass, field
-from math import hypot
+from math import hypot, inf
 from typing import Any
 
 import can
@@ -15,7 +15,7 @@ from rt_controller.bus.messages import Command
 from rt_controller.bus.receive import Received
 from rt_controller.contract.car import DEFAULT_CAR, Car
 from rt_controller.contract.errors import BusError
-from rt_controller.contract.limits import BRAKE_RATE_N_PER_S
+from rt_controller.contract.limits import BRAKE_RATE_N_PER_S, stop_speed_mps
 from rt_controller.contract.signals import NEUTRAL_INPUT, ControlInput, Mode
 from rt_controller.contract.timing import (
     COMMAND_TIMEOUT_NS,
@@ -104,6 +104,7 @@ class Gateway:
         self._description = description
         self._last_read_ns = 0
         self._applied = NEUTRAL_INPUT
+        self._stop_mps = inf
         self._mode = Mode.STANDBY
         """of the newest command that was passed on"""
         self._motion = STANDING
@@ -209,7 +210,7 @@ class Gateway:
             if not self._is_driven(now_ns):
                 car_end.is_braking, self._mode = False, Mode.STANDBY
             elif cause is not None and not car_end.is_braking:
-                car_end.is_braking = True
+                car_end.is_braking, self._stop_mps = True, inf
                 because = self.counts.braked_because
                 self.counts.brakings += 1
                 because[cause.name] = because.get(cause.name, 0) + 1
@@ -261,8 +262,11 @@ class Gateway:
         if course is None:
             along_path = ALONG_PATH.scaled(self._description.force_scale)
             return safe_stop(before, None, True, along_path)
+        self._stop_mps = stop_speed_mps(self._stop_mps, course.state.vx_mps)
         steer_rad = steer_along(*course, before.steer_rad, self._description)
-        force_n = largest_brake_n(course, before.steer_rad, car=self._description)
+        force_n = largest_brake_n(
+            course, before.steer_rad, car=self._description, stop_mps=self._stop_mps
+        )
         braking = Braking(force_n, BRAKE_RATE_N_PER_S * self._description.force_scale)
         return safe_stop(before, before._replace(steer_rad=steer_rad), False, braking)
 

@@ -50,14 +50,14 @@ class Cornering(NamedTuple):
 
 
 def cornering_of(
-    state: VehicleState | None, steer_rad: float, geometry: SteeringGeometry
+    state: VehicleState | None, steer_rad: float, geometry: SteeringGeometry, stop_mps: float
 ) -> Cornering:
-    """The turn of a car in `state`, with the steering wheel at `steer_rad`."""
+    """The turn of a car in `state`, with the wheel at `steer_rad`; `stop_mps`: `stop_speed_mps`."""
     if state is None:
         return Cornering()
     lateral_mps2 = state.vx_mps * state.yaw_rate_radps
     wanted_mps2 = geometry.steady_lateral_mps2(state.vx_mps, steer_rad)
-    least_n = least_brake_n(state.vx_mps)
+    least_n = least_brake_n(state.vx_mps, stop_mps)
     if state.vx_mps < SLOW_MPS:  # its stop is short, and its yaw rate says little about the wheel
         return Cornering(0.0, lateral_mps2, wanted_mps2, least_n)
     steady_rad = geometry.steady_wheel_rad(state.vx_mps, state.yaw_rate_radps)

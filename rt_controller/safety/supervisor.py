@@ -6,12 +6,13 @@ result is a state and a path to plan from, and the cause of a stop.
 
 from collections.abc import Sequence
 from functools import reduce
-from math import atan
+from math import atan, inf
 from operator import or_
 
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.faults import Fault, StopCause
 from rt_controller.contract.kinematics import farthest_m, speed_of
+from rt_controller.contract.limits import stop_speed_mps
 from rt_controller.contract.signals import NEUTRAL_INPUT, ControlInput, VehicleState
 from rt_controller.contract.timing import PERIOD_S
 from rt_controller.model.validity import Excess, TrainedRange
@@ -84,6 +85,7 @@ class Supervisor:
         self._faulty: SignalMask = Faulty.NONE
         self._rejections = 0.0
         self._is_motion_measured = False
+        self._stop_mps = inf
 
     def check(self, tick: Tick) -> Estimate:
         """State and path of this tick to plan from, and the cause of a stop or of a rejection."""
@@ -96,6 +98,8 @@ class Supervisor:
         if not self._faulty & Faulty.PREVIEW:
             self._road.take(tick.preview, None if tick.state is None else tick.curvature_per_m)
         state, failed_state = self._check_state(tick, before)
+        if tick.is_stopping:
+            self._stop_mps = stop_speed_mps(self._stop_mps, state.vx_mps, tick.periods)
         failed_path = self._check_path(tick, state)
         self._compare_car(tick, state, failed_state is None, failed_path is None)
         failing = self._windows.failing(_OF_CAR)
@@ -151,12 +155,13 @@ class Supervisor:
 
     def cornering(self, control: ControlInput) -> Cornering:
         """How the car turns, in the accepted state with this input."""
-        return cornering_of(self._state, control.steer_rad, self._car.geometry)
+        return cornering_of(self._state, control.steer_rad, self._car.geometry, self._stop_mps)
 
     def _begin(self, tick: Tick) -> Estimate:
         """Restart; a car outside of the engagement window is refused."""
         self._faulty = Faulty.NONE
         self._rejections = 0.0
+        self._stop_mps = inf
         self._state, self._curvature_per_m = tick.state, tick.curvature_per_m
         self._windows.begin()
         self._paths.begin()

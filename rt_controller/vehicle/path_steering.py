@@ -1,6 +1,6 @@
 """Pure-pursuit steering and braking of the vehicle itself, for a stop along its own path."""
 
-from math import copysign, isfinite
+from math import copysign, inf, isfinite
 from typing import NamedTuple
 
 from rt_controller.contract.car import DEFAULT_CAR, Car
@@ -87,6 +87,7 @@ def largest_brake_n(
     steer_rad: float,
     open_throttle: float = 0.0,
     car: Car = DEFAULT_CAR,
+    stop_mps: float = inf,
 ) -> float:
     """Brake force that leaves the tyres enough grip to steer, in N.
 
@@ -98,11 +99,12 @@ def largest_brake_n(
         steer_rad: wheel angle.
         open_throttle: by which the throttle is open against its command.
         car: the description of the car.
+        stop_mps: see `stop_speed_mps`.
     """
     path, state, _ = course
     beyond_m = max(abs(state.ey_m - path.c0_m) - TOLERATED_OFF_PATH_M, 0.0)
     lateral_mps2 = state.vx_mps * state.yaw_rate_radps
     wanted_mps2 = car.geometry.steady_lateral_mps2(state.vx_mps, steer_rad)
-    least_n = least_brake_n(state.vx_mps)
+    least_n = least_brake_n(state.vx_mps, stop_mps)
     force_n = brake_beside_n(lateral_mps2, wanted_mps2, open_throttle, least_n=least_n)
     return car.force_scale * max(force_n - LESS_BRAKE_N_PER_M * beyond_m, least_n)
