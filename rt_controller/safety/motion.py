@@ -259,12 +259,13 @@ class Residuals:
             self._is_lateral_jump = _is_jump(self._lateral_m, lateral_m)
         self._heading_rad, self._lateral_m = heading_rad, lateral_m
         self._count_frozen(received, actuators, curvature_per_m)
-        prediction = self._prediction
+        prediction, changed_mps = self._prediction, abs(now.vx_mps - before.vx_mps)
+        values[Quantity.SPEED_STEP_MPS] = changed_mps * share
         if prediction is None or not prediction.has_any:
-            values[Quantity.SPEED_STEP_MPS] = abs(now.vx_mps - before.vx_mps) * share
             return
         vx, vy, yaw_rate = prediction.newest()
-        values[Quantity.SPEED_STEP_MPS] = abs(now.vx_mps - vx) * share
+        # A car that slides is far from the data of the model: then the prediction jumps, not v_x.
+        values[Quantity.SPEED_STEP_MPS] = min(abs(now.vx_mps - vx), changed_mps) * share
         values[Quantity.LATERAL_SPEED_STEP_MPS] = abs(now.vy_mps - vy) * share
         values[Quantity.YAW_RATE_STEP_RADPS] = abs(now.yaw_rate_radps - yaw_rate) * share
         if prediction.has_ten:
