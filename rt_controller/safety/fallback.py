@@ -10,6 +10,7 @@ from rt_controller.contract.limits import (
     FULL_BRAKE_RATE_N_PER_S,
     HARD_BRAKE_N,
     HARD_BRAKE_RATE_N_PER_S,
+    LEAST_BRAKE_N,
     MOST_BRAKE_N,
     brake_beside_n,
 )
@@ -71,7 +72,8 @@ def braking_for(
     if alarm is StopCause.STEERING_MISMATCH:
         return FULL.scaled(min(force_scale, 1.0))
     if is_known and abs(cornering.counter_steering_rad) > COUNTER_STEERING_RAD:
-        return COUNTER_STEERING.scaled(force_scale)
+        most_n = COUNTER_STEERING.most_n + max(cornering.least_brake_n - LEAST_BRAKE_N, 0.0)
+        return COUNTER_STEERING._replace(most_n=most_n).scaled(force_scale)
     straight = ALONG_PATH if is_known else LOST
     most_n = brake_beside_n(
         cornering.lateral_mps2,

@@ -16,17 +16,16 @@ PREVIEW_S = 0.7
 """the path is sent for 0.6 s ahead; a longer preview damps, a shorter one tracks more closely"""
 NEAREST_M = 5.0
 """shortest preview distance, of a slow car"""
-LARGEST_BRAKED_LATERAL_MPS2 = 4.0
+LARGEST_BRAKED_LATERAL_MPS2 = 5.0
 """beside the braking: more would exceed the grip of a dry road"""
 YAW_DAMPING_S = 0.1
 """angle of the front wheels per difference between the yaw rate of the wanted circle and that of
 the car: it turns the wheels against a slide of the rear axle"""
 TOLERATED_OFF_PATH_M, LESS_BRAKE_N_PER_M = 0.3, 100.0
 """of a car that leaves its path"""
-LARGEST_TURN_MPS2 = 5.0
-"""lateral acceleration up to which the vehicle turns its wheel further than 40 deg"""
-LOCK_BELOW_MPS = 9.0
-"""a slower car may need its lock; a faster one that slides stays within 40 deg"""
+LARGEST_TURN_MPS2 = 6.0
+"""lateral acceleration up to which the vehicle turns its wheel further than 40 deg: a tight bend
+needs it, and a fast car that slides stays within 40 deg"""
 SLOWEST_MPS = 0.3
 """the wheel of a slower car stays where it is"""
 
@@ -74,9 +73,7 @@ def steer_along(
     per_turn = geometry.wheelbase_m + UNDERSTEER_RAD_PER_MPS2 * speed_mps**2
     damping_rad = YAW_DAMPING_S * (turn_per_m * speed_mps - state.yaw_rate_radps)
     wanted_rad = geometry.steering_ratio * (per_turn * turn_per_m + damping_rad)
-    most_rad = limits.upper.steer_rad
-    if speed_mps < LOCK_BELOW_MPS:
-        most_rad = geometry.largest_wheel_rad(speed_mps, LARGEST_TURN_MPS2)
+    most_rad = geometry.largest_wheel_rad(speed_mps, LARGEST_TURN_MPS2)
     wanted_rad = min(max(wanted_rad, -most_rad), most_rad)
     change_rad = limits.rate_per_s.steer_rad * PERIOD_S
     return previous_rad + min(max(wanted_rad - previous_rad, -change_rad), change_rad)

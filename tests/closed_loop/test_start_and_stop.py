@@ -233,3 +233,28 @@ def test_a_car_without_the_grip_of_its_first_bend_begins_straight_ahead():
     scenario = parse_scenario(content, "a test").with_friction(0.3)
     with closing(open_session(BusSettings(bus="virtual", channel="too fast"), scenario)) as session:
         assert session.bridge.applied == NEUTRAL_INPUT
+
+
+@pytest.mark.parametrize("kind", ["reference_lost", "command_lost"])
+@pytest.mark.parametrize(
+    ("radius_m", "speed_kmh", "grade_percent", "friction"),
+    [(60.0, 55.0, -20.0, 1.0), (60.0, 55.0, 0.0, 0.6), (-20.0, 36.0, 0.0, 1.0)],
+)
+def test_a_stop_keeps_to_a_tight_bend_and_ends_on_a_descent_too(
+    kind, radius_m, speed_kmh, grade_percent, friction
+):
+    content = {
+        "format": 2,
+        "name": "a stop in a bend",
+        "duration_s": 2.0,
+        "road": {
+            "curvature_per_m": 1.0 / radius_m,
+            "grade_percent": grade_percent,
+            "friction": friction,
+        },
+        "reference": {"speed_kmh": speed_kmh},
+        "faults": [{"kind": kind, "start_s": 1.0, "duration_s": 60.0}],
+    }
+    drive = simulate(parse_scenario(content, "a test"))
+    assert abs(drive["vx_mps"][-1]) < 0.3
+    assert drive.errors.ey_peak_m < 0.1
