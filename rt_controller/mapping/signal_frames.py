@@ -1,12 +1,10 @@
 """Frames of a car's own messages: from and to SI values of the mapped signals."""
 
-import re
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import reduce
-from itertools import count
-from math import floor, inf, isfinite, nan, tau
+from math import floor, isfinite, tau
 from operator import xor
 
 import can
@@ -16,11 +14,10 @@ from cantools.database.can import Database, Message, Signal
 from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.timing import PERIOD_S
 from rt_controller.mapping.car_file import Source, find_source
-from rt_controller.mapping.slots import Scaling, Slot, scaling_of
+from rt_controller.mapping.measurement import Measurement, range_of
+from rt_controller.mapping.slots import Slot, scaling_of
 from rt_controller.mapping.tables import Checksum, ChecksumKind, MessageMapping
 
-_MISSING = re.compile("notavailable|sna|invalid|error")
-"""names of raw values, without blanks and underscores, that stand for no value"""
 PERIODIC = "pose.yaw"
 """slot with an angle that a car may send in 0 to 360 deg, or in ±180 deg"""
 MAX_FRAMES = 1024
@@ -57,44 +54,19 @@ class ReadCounts:
     """missing between two counters"""
 
 
-class _Field:
+class _Field(Measurement):
     """One slot in one message."""
-
-    def __init__(self, slot: Slot, signal: Signal, scaling: Scaling) -> None:
-        self.slot, self.signal, self.scaling = slot, signal, scaling
-        low, high = signal.minimum, signal.maximum
-        if low is None or high is None or not low < high:
-            low, high = -inf, inf
-        half_lsb = 0.5 * abs(signal.scale)
-        self._range = low - half_lsb, high + half_lsb
-        self._missing = {
-            int(raw)
-            for raw, text in (signal.choices or {}).items()
-            if _MISSING.search(re.sub("[_ ]", "", str(text).lower()))
-        }
-
-    def to_si(self, raw: float) -> float:
-        """The SI value; NaN if the car sent none, or one that cannot be."""
-        signal, slot = self.signal, self.slot
-        number = float(raw * signal.scale + signal.offset)
-        if raw in self._missing or not self._range[0] <= number <= self._range[1]:
-            return nan
-        if slot.on is not None:
-            return float(raw in slot.on)
-        value = self.scaling.factor * number + self.scaling.offset
-        return value if slot.plausible[0] <= value <= slot.plausible[1] else nan
 
     def to_raw(self, value: float) -> float:
         """The raw value that is sent for an SI value."""
         on, scaling = self.slot.on, self.scaling
         if on is not None:  # the smallest raw value that means this
-            return min(on) if value > 0.5 else next(raw for raw in count() if raw not in on)
+            return min(on) if value > 0.5 else min(self.off or on)
         number = (value - scaling.offset) / scaling.factor
-        low, high = self.signal.minimum, self.signal.maximum
-        is_within = high is not None and low is not None and low <= number <= high
-        if self.slot.name == PERIODIC and low is not None and not is_within:
+        low, high = range_of(self.signal)
+        if self.slot.name == PERIODIC and isfinite(low) and not low <= number <= high:
             turn = abs(tau / scaling.factor)
-            number -= turn * floor((number - float(low)) / turn)
+            number -= turn * floor((number - low) / turn)
         return _raw(self.signal, number)
 
 
@@ -180,7 +152,7 @@ class SignalReader:
             known.last = number
         counts.accepted += 1
         return {
-            field.slot.name: field.to_si(raw)
+            field.slot.name: field.to_si(field.number(raw))
             for field in known.fields
             if isinstance(raw := raws.get(field.signal.name), int | float)
         }
@@ -336,10 +308,8 @@ def _first_raws(message: Message, form: int | None) -> dict[str, float]:
 
 def _raw(signal: Signal, number: float) -> float:
     """The raw value nearest to a number in the DBC's unit."""
-    low, high = signal.minimum, signal.maximum
-    if low is not None and high is not None and low < high:
-        number = min(max(number, float(low)), float(high))
-    raw = (number - signal.offset) / signal.scale
+    low, high = range_of(signal)
+    raw = (min(max(number, low), high) - signal.offset) / signal.scale
     if signal.is_float:
         return float(raw)
     smallest = -(1 << signal.length - 1) if signal.is_signed else 0

@@ -28,8 +28,12 @@ class Slot(NamedTuple):
     """SI unit"""
     plausible: tuple[float, float] = (-inf, inf)
     """in SI"""
+    is_plausible_given: bool = False
+    """by the mapping: then it replaces the range of the DBC"""
     on: frozenset[int] | None = None
-    """raw values of a switch that mean 1, all others 0; None: its value is in SI"""
+    """raw values of a switch that mean 1; None: its value is in SI"""
+    off: frozenset[int] | None = None
+    """raw values that mean 0; all others are not known. None: see `Measurement`"""
 
 
 def measured_slots(mapping: DrivingMapping) -> tuple[Slot, ...]:
@@ -76,10 +80,17 @@ def _slots(table: str, columns: Iterable[tuple[str, object]]) -> Iterator[Slot]:
             si = "rad"  # a slope: a ratio, or for small angles the angle
         limits = limits_of(quantity_of_name(name), si)
         plausible = (limits.low, limits.high) if table in ("states", "inputs") else (-inf, inf)
-        if isinstance(column, SignalMapping) and column.plausible is not None:
-            plausible = column.plausible
-        on = column.on if isinstance(column, SwitchMapping) else None
-        yield Slot(f"{table}.{name}", column, si, plausible, frozenset(on) if on else None)
+        given = column.plausible if isinstance(column, SignalMapping) else None
+        on, off = (column.on, column.off) if isinstance(column, SwitchMapping) else (None, None)
+        yield Slot(
+            f"{table}.{name}",
+            column,
+            si,
+            plausible if given is None else given,
+            given is not None,
+            None if on is None else frozenset(on),
+            None if off is None else frozenset(off),
+        )
 
 
 class Scaling(NamedTuple):

@@ -273,7 +273,18 @@ class SwitchMapping(SignalMapping):
     """A signal that is on or off."""
 
     on: Annotated[tuple[int, ...], Field(min_length=1)] | None = None
-    """raw values that mean on, all others mean off; None: SI values above 0.5"""
+    """raw values that mean on; None: SI values above 0.5"""
+    off: Annotated[tuple[int, ...], Field(min_length=1)] | None = None
+    """raw values that mean off, all others are not known; None: 0, 1 and the values that the
+    DBC names, except those of `on` and those that stand for no value"""
+
+    @model_validator(mode="after")
+    def _require_on(self) -> Self:
+        both = set(self.on or ()) & set(self.off or ())
+        if both or (self.off is not None and self.on is None):
+            found = f"{sorted(both)} in both" if both else "no on"
+            raise ValueError(f"off: expected other raw values than those of on, found {found}")
+        return self
 
 
 class MissionMapping(MappingTable):

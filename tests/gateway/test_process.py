@@ -72,7 +72,7 @@ def test_the_gateway_steers_a_car_that_it_brakes_along_its_path(side):
     for _ in range(20):
         found = rig.drive()
     assert found["commands.steer_rad"] * side > 0.1
-    for _ in range(60):
+    for _ in range(90):  # at 40 deg/s
         found = rig.drive(is_car_silent=True)
     assert found["commands.steer_rad"] == pytest.approx(0.0, abs=1e-3)
     assert found["commands.brake_n"] >= 60.0

@@ -153,23 +153,31 @@ def both_ways(slot, value):
     return database.decode_message(16, bytes(frame.data), decode_choices=False), found
 
 
-def switch(*on):
+def switch(*on, off=None):
     column = SwitchMapping(column="State", on=on)
-    return Slot("mission.engage", column, "1", ANY, frozenset(on))
+    off = None if off is None else frozenset(off)
+    return Slot("mission.engage", column, "1", ANY, on=frozenset(on), off=off)
 
 
-def test_a_switch_is_on_at_its_values_only():
+@pytest.mark.parametrize(
+    ("on", "off", "values"),
+    [  # of the raw values 0 to 7; the DBC names 7 "SNA", and no other
+        ((2, 3), None, [0.0, 0.0, 1.0, 1.0, None, None, None, None]),
+        ((1,), None, [0.0, 1.0, *[None] * 6]),
+        ((0,), None, [1.0, 0.0, *[None] * 6]),
+        ((7,), None, [0.0, 0.0, *[None] * 5, 1.0]),  # `on` wins over the name of the value
+        ((1,), (0, 4), [0.0, 1.0, None, None, 0.0, None, None, None]),
+    ],
+)
+def test_a_switch_is_known_at_its_values_only(on, off, values):
     database = cantools.database.load_string(DBC, "dbc")
-    reader, message = SignalReader([switch(2, 3)], {}, database, "car"), database.messages[0]
-    found = []
-    for raw in range(8):
+    reader = SignalReader([switch(*on, off=off)], {}, database, "car")
+    for raw, expected in enumerate(values):
         (frame,) = SignalWriter([switch(raw)], {}, database, "car").frames(
             {"mission.engage": 1.0}, 0
         )
-        found.append(reader.read(frame)["mission.engage"])
-    assert message.get_signal_by_name("State").choices[7] == "SNA"
-    assert found[:7] == [0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 0.0]
-    assert isnan(found[7])
+        value = reader.read(frame)["mission.engage"]
+        assert isnan(value) if expected is None else value == expected
 
 
 @pytest.mark.parametrize(("on", "off"), [((2, 3), 0), ((0,), 1)])

@@ -1,0 +1,103 @@
+"""What a raw value of a CAN signal is: a measurement, or one that the car marks as none.
+
+Import, `rt-controller signals check` and gateway decide it here, so that a gap in one of them is a
+gap in all.
+"""
+
+import re
+from collections import Counter
+from math import inf, isfinite, nan
+
+from cantools.database.can import Signal
+
+from rt_controller.mapping.slots import Scaling, Slot
+
+_MISSING = re.compile("notavailable|sna|invalid|error|fault")
+"""names of raw values, without blanks and underscores, that stand for no value"""
+
+
+def stands_for_no_value(text: str) -> bool:
+    """True if a DBC names a raw value so because the car then has no value."""
+    return _MISSING.search(re.sub("[_ ]", "", text.lower())) is not None
+
+
+class Measurement:
+    """The raw values of one slot, and what they mean."""
+
+    def __init__(self, slot: Slot, signal: Signal, scaling: Scaling) -> None:
+        self.slot, self.signal, self.scaling = slot, signal, scaling
+        self.unusable: Counter[str] = Counter()
+        """numbers of samples that are none, by why"""
+        self._low, self._high = (-inf, inf) if slot.is_plausible_given else range_of(signal)
+        self._half_lsb = 0.5 * abs(signal.scale)
+        names = {int(raw): str(text) for raw, text in (signal.choices or {}).items()}
+        self._missing = {raw: text for raw, text in names.items() if stands_for_no_value(text)}
+        off = slot.off
+        if slot.on is not None and off is None:
+            off = frozenset({0, 1, *names} - self._missing.keys()) - slot.on
+        self.off = off
+        """raw values that mean 0; None: no switch, or one in SI"""
+
+    def number(self, raw: float) -> float:
+        """In the unit of the DBC; NaN: no measurement. A switch has 1 or 0."""
+        on = self.slot.on
+        if on is not None and raw in on:
+            return 1.0
+        number = 0.0 if on is not None else float(raw * self.signal.scale + self.signal.offset)
+        reason = self._objection(raw, number)
+        if not reason:
+            return number
+        self.unusable[reason] += 1
+        return nan
+
+    def _objection(self, raw: float, number: float) -> str:
+        """Why this is no measurement; empty: it is one."""
+        if raw in self._missing:
+            return f"{self._missing[int(raw)]!r} in the DBC"
+        if self.off is not None:
+            return "" if raw in self.off else f"{raw:g} raw, which is neither in on nor in off"
+        if not isfinite(number):
+            return "not finite"
+        if not self._low - self._half_lsb <= number <= self._high + self._half_lsb:
+            return f"outside of [{self._low:g}, {self._high:g}], the range of the DBC"
+        low, high = self.slot.plausible
+        is_plausible = low <= self.scaling.factor * number + self.scaling.offset <= high
+        return "" if is_plausible else f"outside of [{low:g}, {high:g}] {self.slot.si}"
+
+    def to_si(self, number: float) -> float:
+        """The SI value of what `number` returns."""
+        if self.slot.on is not None:
+            return number
+        return self.scaling.factor * number + self.scaling.offset
+
+
+def range_of(signal: Signal) -> tuple[float, float]:
+    """The range of a signal in the DBC, in its unit; infinite if it has none."""
+    low, high = signal.minimum, signal.maximum
+    if low is None or high is None or not low < high:
+        return -inf, inf
+    return float(low), float(high)
+
+
+def bits_range(signal: Signal) -> tuple[float, float]:
+    """The smallest and the largest number that the bits of a signal can carry, in its unit."""
+    if signal.is_float:
+        return -inf, inf
+    smallest = -(1 << signal.length - 1) if signal.is_signed else 0
+    ends = (smallest, smallest + (1 << signal.length) - 1)
+    low, high = sorted(float(raw * signal.scale + signal.offset) for raw in ends)
+    return low, high
+
+
+def placeholder(signal: Signal) -> str:
+    """Why the range in the DBC is probably no range of the quantity; empty: it may be one."""
+    (low, high), (lowest, highest) = range_of(signal), bits_range(signal)
+    if not isfinite(low) or signal.is_float:
+        return ""
+    if signal.is_signed and low >= 0.0 and lowest < 0.0 and high > highest:
+        return "the signal is signed, and this is the range of an unsigned one"
+    if (low, high) == (0.0, 1.0) and highest - lowest > 1.5:
+        return "[0, 1] is written where no range is known"
+    if high < lowest or low > highest:
+        return f"its bits carry {lowest:g} to {highest:g}"
+    return ""
