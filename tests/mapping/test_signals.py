@@ -161,11 +161,11 @@ def switch(*on, off=None):
 
 @pytest.mark.parametrize(
     ("on", "off", "values"),
-    [  # of the raw values 0 to 7; the DBC names 7 "SNA", and no other
+    [  # of the raw values 0 to 7; the DBC names 0, 1, 2, 6 "Fault" and 7 "SNA"
         ((2, 3), None, [0.0, 0.0, 1.0, 1.0, None, None, None, None]),
-        ((1,), None, [0.0, 1.0, *[None] * 6]),
-        ((0,), None, [1.0, 0.0, *[None] * 6]),
-        ((7,), None, [0.0, 0.0, *[None] * 5, 1.0]),  # `on` wins over the name of the value
+        ((1,), None, [0.0, 1.0, 0.0, *[None] * 5]),
+        ((0,), None, [1.0, 0.0, 0.0, *[None] * 5]),
+        ((7,), None, [0.0, 0.0, 0.0, *[None] * 4, 1.0]),  # `on` wins over the name of the value
         ((1,), (0, 4), [0.0, 1.0, None, None, 0.0, None, None, None]),
     ],
 )
