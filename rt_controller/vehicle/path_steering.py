@@ -1,10 +1,11 @@
 """Pure-pursuit steering and braking of the vehicle itself, for a stop along its own path."""
 
-from math import copysign, inf, isfinite
+from math import copysign, inf, isfinite, radians
 from typing import NamedTuple
 
 from rt_controller.contract.car import DEFAULT_CAR, Car
 from rt_controller.contract.limits import (
+    SLOW_MPS,
     UNDERSTEER_RAD_PER_MPS2,
     brake_beside_n,
     least_brake_n,
@@ -16,16 +17,18 @@ PREVIEW_S = 0.7
 """the path is sent for 0.6 s ahead; a longer preview damps, a shorter one tracks more closely"""
 NEAREST_M = 5.0
 """shortest preview distance, of a slow car"""
-LARGEST_BRAKED_LATERAL_MPS2 = 5.0
-"""beside the braking: more would exceed the grip of a dry road"""
+LARGEST_BRAKED_LATERAL_MPS2 = 4.0
+"""beside the braking: more would exceed the grip of a dry road, unless the path itself needs it"""
 YAW_DAMPING_S = 0.1
 """angle of the front wheels per difference between the yaw rate of the wanted circle and that of
 the car: it turns the wheels against a slide of the rear axle"""
 TOLERATED_OFF_PATH_M, LESS_BRAKE_N_PER_M = 0.3, 100.0
 """of a car that leaves its path"""
-LARGEST_TURN_MPS2 = 6.0
-"""lateral acceleration up to which the vehicle turns its wheel further than 40 deg: a tight bend
-needs it, and a fast car that slides stays within 40 deg"""
+SLOW_TURN_MPS2 = 5.0
+"""up to which a slow car turns its wheel further than 40 deg; a faster one only as its bend needs,
+since one that slides stays within 40 deg"""
+BACK_TO_PATH_MPS2, WHEEL_BACK_RAD = 1.0, radians(20.0)
+"""beside what a bend itself needs: of the wanted circle, and of the wheel"""
 SLOWEST_MPS = 0.3
 """the wheel of a slower car stays where it is"""
 
@@ -67,13 +70,21 @@ def steer_along(
     turn_per_m = curvature_per_m + 2.0 * (there_m - state.ey_m - course_rad * ahead_m) / ahead_m**2
     if not isfinite(turn_per_m):
         return previous_rad
-    largest_per_m = LARGEST_BRAKED_LATERAL_MPS2 / speed_mps**2
-    turn_per_m = copysign(min(abs(turn_per_m), largest_per_m), turn_per_m)
+    # A bend turns on; a lane change turns back.
+    here_per_m = curvature_per_m + 2.0 * c2_per_m
+    later_per_m = here_per_m + 6.0 * c3_per_m2 * ahead_m
+    bend_per_m = min(abs(here_per_m), abs(later_per_m)) if here_per_m * later_per_m > 0.0 else 0.0
+    bend_mps2 = bend_per_m * speed_mps**2
+    largest_mps2 = max(LARGEST_BRAKED_LATERAL_MPS2, bend_mps2 + BACK_TO_PATH_MPS2)
+    turn_per_m = copysign(min(abs(turn_per_m), largest_mps2 / speed_mps**2), turn_per_m)
     geometry, limits = car.geometry, car.limits
     per_turn = geometry.wheelbase_m + UNDERSTEER_RAD_PER_MPS2 * speed_mps**2
     damping_rad = YAW_DAMPING_S * (turn_per_m * speed_mps - state.yaw_rate_radps)
     wanted_rad = geometry.steering_ratio * (per_turn * turn_per_m + damping_rad)
-    most_rad = geometry.largest_wheel_rad(speed_mps, LARGEST_TURN_MPS2)
+    of_bend_rad = geometry.steady_wheel_rad(speed_mps, bend_per_m * speed_mps)
+    most_rad = min(max(limits.upper.steer_rad, of_bend_rad + WHEEL_BACK_RAD), geometry.lock_rad)
+    if speed_mps < SLOW_MPS:
+        most_rad = max(most_rad, geometry.largest_wheel_rad(speed_mps, SLOW_TURN_MPS2))
     wanted_rad = min(max(wanted_rad, -most_rad), most_rad)
     change_rad = limits.rate_per_s.steer_rad * PERIOD_S
     return previous_rad + min(max(wanted_rad - previous_rad, -change_rad), change_rad)
