@@ -14,7 +14,8 @@ from offline.logs.mapping import CsvSettings
 from offline.logs.readers.formats import read_file
 from offline.logs.readers.log import Request
 from rt_controller.contract.errors import ConfigError, DatasetError
-from rt_controller.mapping.tables import CanSettings, Clock
+from rt_controller.mapping.slots import Slot
+from rt_controller.mapping.tables import CanSettings, Clock, ColumnMapping
 
 STAMPED = Clock(column="t")
 EVERY_10_MS = Clock(period_s=0.01)
@@ -33,7 +34,14 @@ BO_ 768 OTHER: 4 ECU
 
 def read(path, *wanted, clock=STAMPED, can=None, **style):
     names = [(each,) if isinstance(each, str) else each for each in wanted or ("v",)]
-    return read_file(Request(path, names, clock, CsvSettings(**style), can))
+    unit = {"OTHER.Counter": "1"}
+    columns = [
+        ColumnMapping(column=each[0], other_names=each[1:], unit=unit.get(each[0]))
+        for each in names
+        if can
+    ]
+    slots = [Slot(f"signals.{each.column}", each, "") for each in columns]
+    return read_file(Request(path, names, clock, CsvSettings(**style), can, slots))
 
 
 @pytest.fixture
@@ -325,8 +333,12 @@ def test_can_signals_have_the_time_stamps_of_their_frames(tmp_path, settings, su
     [
         ("Counter", {}, r"WHEEL\.Counter, OTHER\.Counter"),
         ("yawrate", {}, r"'yawrate'.*Did you mean YawRate"),
-        ("OTHER.Counter", {}, r"column OTHER\.Counter: expected frames of OTHER"),
-        ("Speed", {"channel": 7}, "on channel 7"),
+        (
+            "OTHER.Counter",
+            {},
+            r"column OTHER\.Counter: .* no frame of OTHER",
+        ),
+        ("Speed", {"channel": 7}, r"on channel 7, found none; other channels have them: 2 \(60\)"),
         ("Speed", None, r"\[can\] dbc"),
     ],
 )
@@ -342,7 +354,10 @@ def test_can_signals_that_are_not_in_the_log_are_refused(
 @pytest.mark.parametrize(
     ("end", "message"),
     [
-        ("(1.010000) can0 100#88\n", r"a\.log, column Speed, frame 2: expected 8 bytes"),
+        (
+            "(1.010000) can0 100#88\n",
+            "1 frames of MOTION have 1 bytes, the DBC says 8",
+        ),
         ("(1.0100", "truncated"),
         ("(1.010000) can0 100#88zz\n", r"a\.log, line 2: expected \(seconds\) channel ID#DATA"),
     ],
