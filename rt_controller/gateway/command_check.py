@@ -83,30 +83,15 @@ def _period(message: Message, settings: MessageMapping) -> Iterator[str]:
 def _protection(
     message: Message, commands: list[Signal], settings: MessageMapping
 ) -> Iterator[str]:
-    """A checksum or a counter in the place of a command or of one another."""
-    names = [settings.checksum.signal] if settings.checksum else []
-    names += [settings.counter] if settings.counter else []
-    others = {each.name: _bits(each) for each in commands}
-    for name in (*names, *settings.driving):
-        own = message.get_signal_by_name(name)
-        for other, bits in others.items():
-            if bits & _bits(own) and not _exclude(own, message.get_signal_by_name(other)):
-                yield (
-                    f"{message.name}: expected {name} in bits of its own, found it in those of "
-                    f"{other}. Correct [messages.{message.name}]"
-                )
-        others[name] = _bits(own)
-
-
-def _bits(signal: Signal) -> set[int]:
-    """The places of the bits of a signal in its frame, counted from the first bit of each byte."""
-    if signal.byte_order == "little_endian":
-        return set(range(signal.start, signal.start + signal.length))
-    first = 8 * (signal.start // 8) + 7 - signal.start % 8
-    return {8 * (k // 8) + 7 - k % 8 for k in range(first, first + signal.length)}
-
-
-def _exclude(one: Signal, other: Signal) -> bool:
-    """True if no frame has both: they are in other forms of a multiplexed message."""
-    ids = (one.multiplexer_ids, other.multiplexer_ids)
-    return all(ids) and not set(ids[0] or ()) & set(ids[1] or ())
+    """A signal that has two tasks: a DBC where two signals share bits is refused before."""
+    tasks = [(each.name, "a command") for each in commands]
+    tasks += [(settings.checksum.signal, "the checksum")] if settings.checksum else []
+    tasks += [(settings.counter, "the counter")] if settings.counter else []
+    tasks += [(name, "a constant of driving") for name in settings.driving]
+    first: dict[str, str] = {}
+    for name, task in tasks:
+        if first.setdefault(name, task) != task:
+            yield (
+                f"{message.name}: expected one task for {name}, found {first[name]} and {task}. "
+                f"Correct [commands] or [messages.{message.name}]"
+            )
