@@ -113,7 +113,7 @@ class ControlStep:
         before, of_car = last.control, None if tick.is_driven else tick.feedback
         if of_car is not None:
             before = of_car._replace(steer_rad=before.steer_rad)
-        plan = self._plan_input(tick, before, is_takeover=of_car is not None)
+        plan = self._plan_input(tick, before, of_car)
         tick.planned, tick.has_solver_failed = plan.control, plan.has_solver_failed
         tick.qp_iterations, tick.qp_ns = plan.qp_iterations, plan.qp_ns
         tick.periods_held, law = self._planner.periods_held, self._planner.law
@@ -194,10 +194,12 @@ class ControlStep:
         wheel_rad = min(max(of_car.steer_rad, -most_rad), most_rad)
         return abs(wheel_rad - last_rad) < self._limits.rate_per_s.steer_rad * PERIOD_S
 
-    def _plan_input(self, tick: Tick, before: ControlInput, is_takeover: bool) -> PlannedInput:
+    def _plan_input(
+        self, tick: Tick, before: ControlInput, of_car: ControlInput | None
+    ) -> PlannedInput:
         """Plan from the state and the path that the supervisor accepts, or hold the last plan.
 
-        `before` is the input of the last period.
+        `before` is the input of the last period, `of_car` that with which somebody else drives.
 
         A safe stop is planned too, with or without a mission: it is steered along the path, from
         the estimated state and along the last known path where they are not received.
@@ -222,7 +224,7 @@ class ControlStep:
             stops=is_stopping,
             under_way=self._under_way(before),
             steering_rate_radps=steering.rate_radps,
-            is_takeover=is_takeover,
+            of_car=of_car,
         )
 
     def _under_way(self, last: ControlInput) -> tuple[ControlInput, ...]:

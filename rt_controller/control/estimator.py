@@ -135,14 +135,20 @@ class Estimator:
         self.disturbance[:] = 0.0
 
     def assume_steady(self, psi: Array, applied: ControlInput, curvature_per_m: float) -> None:
-        """Take as disturbance what keeps a lifted state (n,) but for its speed under this input.
+        """Take as disturbance what keeps the motion of a lifted state (n,) under this input.
 
-        A driver who hands over may accelerate, and the disturbance of the speed is learned slowly.
+        A driver who hands over may accelerate, so not the speed. A car with a heading error moves
+        off its place on the road meanwhile: that is no disturbance.
         """
         predicted = psi
         for _ in range(STEPS):
             predicted = self.step(predicted, applied, curvature_per_m)
         error = (psi - predicted)[:N_STATES]
+        now = VehicleState(*psi[:N_STATES].tolist())
+        turned_rad = heading_change_rad(now, now, curvature_per_m, now.ds_m)
+        error[StateColumn.epsi_rad] += STEPS * turned_rad
+        mean_rad = now.epsi_rad + 0.5 * STEPS * turned_rad
+        error[StateColumn.ey_m] += STEPS * lateral_change_along_m(now, now, mean_rad)
         error[StateColumn.vx_mps] = 0.0
         found = self._response.cause(STEPS, error, float(psi[StateColumn.vx_mps]))
         np.clip(found, -LARGEST_DISTURBANCE, LARGEST_DISTURBANCE, out=self.disturbance)

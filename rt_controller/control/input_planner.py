@@ -75,7 +75,7 @@ class InputPlanner:
         stops: bool,
         under_way: Sequence[ControlInput] = (),
         steering_rate_radps: float = inf,
-        is_takeover: bool = False,
+        of_car: ControlInput | None = None,
     ) -> PlannedInput:
         """Lift the state, expand the reference, solve; or low-speed law; or hold the last plan.
 
@@ -89,7 +89,7 @@ class InputPlanner:
             stops: the car is to be brought to rest, whatever speed the path says.
             under_way: inputs that were sent and act, one a period, before the one of this tick.
             steering_rate_radps: largest rate of the wheel, if it is below that of the commands.
-            is_takeover: somebody else drives the car, with the input `last`.
+            of_car: the input with which somebody else drives the car; None: nobody does.
         """
         previous_law = self._low_speed.law
         slow_path = path._replace(v_mps=0.0, a_mps2=0.0) if stops else path
@@ -101,8 +101,8 @@ class InputPlanner:
             return PlannedInput(slow)
         if previous_law is not Mode.NOMINAL:
             self._mpc.resume(last)
-        if is_takeover:
-            self._mpc.assume_steady(state, curvature_per_m, last)
+        if of_car is not None:
+            self._mpc.assume_steady(state, curvature_per_m, of_car)
         if steering_rate_radps < inf and under_way:
             last = last._replace(steer_rad=under_way[-1].steer_rad)
         # A wheel that was turned further at a lower speed returns with its rate.

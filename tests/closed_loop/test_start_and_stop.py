@@ -258,3 +258,26 @@ def test_a_stop_keeps_to_a_tight_bend_and_ends_on_a_descent_too(
     drive = simulate(parse_scenario(content, "a test"))
     assert abs(drive["vx_mps"][-1]) < 0.3
     assert drive.errors.ey_peak_m < 0.1
+
+
+@pytest.mark.parametrize(
+    ("road", "speed_kmh", "epsi_deg", "most_m"),
+    [
+        ({"curvature_per_m": 1.0 / 250.0}, 80.0, 0.0, 0.005),
+        ({"curvature_per_m": -1.0 / 40.0}, 45.0, 1.0, 0.06),
+        ({"bank_deg": 4.0}, 80.0, 0.0, 0.006),
+        ({"bank_deg": 4.0}, 80.0, 1.0, 0.09),  # 0.075 m without a bank
+    ],
+)
+def test_a_takeover_knows_bank_and_turn_but_takes_no_heading_error_for_them(
+    road, speed_kmh, epsi_deg, most_m
+):
+    content = {
+        "format": 2,
+        "name": "a takeover",
+        "duration_s": 4.0,
+        "road": road,
+        "reference": {"speed_kmh": speed_kmh},
+        "initial": {"epsi_deg": epsi_deg},
+    }
+    assert simulate(parse_scenario(content, "a test")).errors.ey_peak_m < most_m
