@@ -17,7 +17,7 @@ from rt_controller.contract.figures import require_writable, write_figures
 from rt_controller.gateway.lateral_speed import choose_car, choose_lateral_speed
 from rt_controller.gateway.process import LEAVING_REQUEST, Gateway, run_gateway
 from rt_controller.gateway.signals_check import HELP, CheckReport, check_signals
-from rt_controller.mapping.car_file import read_car
+from rt_controller.mapping.car_file import CarFile, read_car
 from rt_controller.model.artifact import find_model, load_bundle
 from rt_controller.realtime.scheduling import real_time_process, set_thread_priority
 from rt_controller.recording.replay import read_frames
@@ -51,7 +51,7 @@ def check_at_terminal(
             + ("both" if log is not None else "neither")
             + ". Name a CAN log (.blf, .asc, .log, .trc), or the bus to listen to."
         )
-    car = read_car(file)
+    car = _read_car(file)
     pauses_s: list[float] = []
     with ExitStack() as opened:
         if bus is not None:
@@ -83,7 +83,7 @@ def gateway_at_terminal(
 ) -> int:
     """Translate until Ctrl-C."""
     require_writable(json_file)
-    car = read_car(file)
+    car = _read_car(file)
     bundle = load_bundle(find_model(model))
     lateral_speed, description = choose_lateral_speed(car, bundle), choose_car(car, bundle)
     of_model = (bundle.car or DEFAULT_CAR).own_values
@@ -113,6 +113,13 @@ def gateway_at_terminal(
     Console().print("  ".join(f"{name} {value}" for name, value in shown.items()))
     write_figures(json_file, figures)
     return INTERRUPTED if gateway.requests >= LEAVING_REQUEST else 0
+
+
+def _read_car(file: Path) -> CarFile:
+    car = read_car(file)
+    if car.database.note:
+        show(f"note: {car.database.note}")
+    return car
 
 
 def _listen(
