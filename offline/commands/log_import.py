@@ -68,6 +68,11 @@ def import_logs(
         report = inspect_drives(drives, cuts, slices, part, mapping, schema)
     for table in report_tables(report):
         print_table(table, STDOUT)
+    if mapping.can is not None:
+        from rt_controller.mapping.car_file import load_dbc  # cantools, for CAN logs only
+
+        if note := load_dbc(mapping.can.dbc).note:
+            STDOUT.print(f"note: {note}", soft_wrap=True, markup=False)
     for sentence in (summary(report), *_limits_of_use(schema)):
         STDOUT.print(sentence)
     others = [mapping.pose and mapping.pose.reference_line, mapping.can and mapping.can.dbc]

@@ -238,6 +238,10 @@ def _sampling_issues(
                 f"{file['off_line']} periods are too far from the line or beyond its end, or their "
                 f"nearest point jumps; the drive is cut there. farthest_m in [pose] sets the limit",
             )
+    for drive in drives:
+        for series in drive.all_series:
+            if series.unusable:
+                yield Issue("no measurement", f"{drive.name}, {series.name}", series.unusable)
     for of_drives in zip(*(drive.all_series for drive in drives), strict=True):
         jumps = sum(series.jumps for series in of_drives)
         if jumps:

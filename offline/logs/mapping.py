@@ -26,6 +26,7 @@ from rt_controller.contract.files import read_text
 from rt_controller.contract.signals import VEHICLE
 from rt_controller.contract.timing import PERIOD_S
 from rt_controller.mapping.quantity import Quantity, quantity_of_name
+from rt_controller.mapping.slots import Slot, slots_of
 from rt_controller.mapping.tables import (
     CarSignals,
     Clock,
@@ -102,6 +103,12 @@ class LogMapping(CarSignals):
     def every_column(self) -> tuple[ColumnMapping, ...]:
         """Every column that is read from the logs, except those of time."""
         return (*self.read_signals.values(), *self.pose_columns)
+
+    @property
+    def slots(self) -> tuple[Slot, ...]:
+        """The same with what makes a number a measurement."""
+        poses = zip(("x", "y", "yaw"), self.pose_columns, strict=False)
+        return (*slots_of("signals", self.read_signals.items()), *slots_of("pose", poses))
 
     @property
     def read_signals(self) -> dict[str, SignalMapping]:

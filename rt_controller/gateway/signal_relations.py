@@ -34,7 +34,7 @@ STEADY_HEADING = 0.3
 REAR_SLIP_S2_PER_M = 0.005
 """side-slip angle of the rear axle per lateral acceleration, of the default car"""
 LARGEST_LATERAL_MPS2 = 15.0
-NOT_COMPARED = "not compared: "
+NOT_COMPARED, CONTRADICTED = "not compared: ", "yes"
 
 Track = Sequence[tuple[float, float]]
 """time in s and SI value, of one signal"""
@@ -65,7 +65,7 @@ class Relation(NamedTuple):
 def check_relations(
     tracks: Mapping[str, Track], geometry: SteeringGeometry | None
 ) -> dict[str, str]:
-    """Does each relation of mapped slots contradict kinematics: "yes", "no", "not compared: …".
+    """Does each relation of mapped slots contradict kinematics: "yes, …", "no", "not compared: …".
 
     Args:
         tracks: usable samples by slot.
@@ -121,7 +121,7 @@ def _relations(geometry: SteeringGeometry) -> tuple[Relation, ...]:
 def _answer(relation: Relation, signals: Signals) -> str:
     """Compare with the delay of the largest correlation."""
     expected, found = relation.windows(signals)
-    best, agreement, n_windows = -1.0, 0.0, 0
+    best, agreement, factor, n_windows = -1.0, 0.0, 0.0, 0
     for delay in range(-LARGEST_DELAY, LARGEST_DELAY + 1):
         n = max(len(expected) - abs(delay), 0)
         x, y = expected[max(-delay, 0) :][:n], found[max(delay, 0) :][:n]
@@ -131,11 +131,23 @@ def _answer(relation: Relation, signals: Signals) -> str:
         correlation = abs(xy) / max((xx * yy) ** 0.5, 1e-12)
         if correlation > best:
             best, agreement, n_windows = correlation, xy / max(xx, yy, 1e-12), len(x)
+            factor = xy / max(xx, 1e-12)
     if n_windows < LEAST_WINDOWS:
         return f"{NOT_COMPARED}too little motion"
     if relation.needs[0] == COMMANDED and best < LEAST_CORRELATION:
         return f"{NOT_COMPARED}commands that are not followed"
-    return "yes" if agreement < relation.least_agreement else "no"
+    if agreement >= relation.least_agreement:
+        return "no"
+    if best < LEAST_CORRELATION:
+        return f"{CONTRADICTED}, the two are not related (correlation {best:.2f})"
+    return f"{CONTRADICTED}, {factor:.3g} times as expected" + (
+        "; try sign = -1" if factor < 0.0 else f"; try factor = {1.0 / factor:.3g}"
+    )
+
+
+def is_contradiction(answer: str) -> bool:
+    """True for a relation that is contradicted."""
+    return answer.startswith(CONTRADICTED)
 
 
 def _lateral(s: Signals) -> tuple[Array, Array]:

@@ -1,22 +1,29 @@
 """`rt-controller signals check`: which mapped signals arrive, and do they contradict each other."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import asdict, dataclass
 from itertools import pairwise
-from math import isnan
+from math import inf, isnan
 from statistics import median
 from typing import Any
 
-import can
-
 from rt_controller.gateway.samples import longest_gap_s
-from rt_controller.gateway.signal_relations import COMMANDED, NOT_COMPARED, Track, check_relations
+from rt_controller.gateway.signal_relations import (
+    COMMANDED,
+    ENGAGE,
+    NOT_COMPARED,
+    Track,
+    check_relations,
+    is_contradiction,
+)
+from rt_controller.mapping.can_log import LoggedFrame, read_samples
 from rt_controller.mapping.car_file import CarFile
+from rt_controller.mapping.measurement import ALLOWED_UNUSABLE_SHARE
 from rt_controller.mapping.signal_frames import SignalReader
 from rt_controller.mapping.slots import Slot, command_slots, measured_slots
 
-ALLOWED_UNUSABLE_SHARE = 0.01
-"""share of samples that may be marked as missing by the car, or be implausible"""
+BIT_RATE = 500_000
+"""of the bus whose load is given"""
 HELP = (
     "A wrong column, unit, factor or sign of one signal contradicts in every relation that it is "
     "part of (of the wheel also a wrong geometry in [car]): correct the signal that all of them "
@@ -36,7 +43,7 @@ class SlotReport:
     """SI"""
     samples: int
     unusable: int
-    """marked as missing by the car, out of the range of the DBC, or not plausible"""
+    """no measurements, see `Measurement`"""
     expected_period_s: float | None
     """of the DBC"""
     period_s: float | None = None
@@ -54,6 +61,8 @@ class CheckReport:
 
     duration_s: float
     frames: int
+    bus_load_percent: float
+    """see `BusLoad`"""
     slots: list[SlotReport]
     relations: dict[str, str]
     """whether they contradict kinematics, see `check_relations`"""
@@ -63,7 +72,8 @@ class CheckReport:
     @property
     def is_ok(self) -> bool:
         """True if every signal arrives and no relation is contradicted."""
-        return all(each.ok for each in self.slots) and "yes" not in self.relations.values()
+        is_contradicted = any(is_contradiction(each) for each in self.relations.values())
+        return all(each.ok for each in self.slots) and not is_contradicted
 
     def figures(self) -> dict[str, Any]:
         """For `--json`."""
@@ -71,11 +81,13 @@ class CheckReport:
             "ok": self.is_ok,
             "duration_s": self.duration_s,
             "frames": self.frames,
+            "bus_load_percent": self.bus_load_percent,
+            "bit_rate_per_s": BIT_RATE,
             "signals": [asdict(each) for each in self.slots],
             "contradictions": [
-                {"problem": text, "remedy": HELP}
+                {"problem": f"{text}: {answer}", "remedy": HELP}
                 for text, answer in self.relations.items()
-                if answer == "yes"
+                if is_contradiction(answer)
             ],
             "not_compared": [
                 f"{text} ({answer.removeprefix(NOT_COMPARED)})"
@@ -86,48 +98,89 @@ class CheckReport:
         }
 
 
-def check_signals(car: CarFile, frames: Iterable[tuple[float, can.Message]]) -> CheckReport:
-    """Read the frames of a bus or a log, each with its time in s, and check every mapped signal.
+def check_signals(
+    car: CarFile, frames: Iterable[LoggedFrame], where: str, channel: int | str | None = None
+) -> CheckReport:
+    """Read the frames of a bus or a log, and check every mapped signal.
 
-    Commands may be missing; a recorded wheel angle is compared with the yaw rate.
+    Commands may be missing; a recorded wheel angle is compared with the yaw rate. A log that begins
+    before its drive is judged from the first time that `engage` is on.
+
+    Args:
+        car: the mapping.
+        frames: with their times in s.
+        where: the bus or the log, for messages.
+        channel: of the log, as in `[can] channel`; None: all.
 
     Raises:
-        ConfigError, DatasetError: a column is not in the DBC, or its unit does not fit.
+        ConfigError, DatasetError: a column is not in the DBC, its unit does not fit, or times go
+            back.
     """
-    mapping, where = car.mapping, str(car.path)
+    mapping, load = car.mapping, BusLoad()
     slots = measured_slots(mapping)
-    reader = SignalReader(slots, mapping.messages, car.database, where)
-    commands = SignalReader(command_slots(mapping), mapping.messages, car.database, where)
-    delays_s = {slot.name: slot.column.delay_s for slot in slots}
-    tracks: dict[str, list[tuple[float, float]]] = {name: [] for name in (*delays_s, COMMANDED)}
-    times: list[float] = []
-    for time_s, frame in frames:
-        times.append(time_s)
-        for name, value in (reader.read(frame) or {}).items():
-            tracks[name].append((time_s - delays_s[name], value))
-        if COMMANDED in (values := commands.read(frame) or {}):
-            tracks[COMMANDED].append((time_s, values[COMMANDED]))
+    sources = (*slots, *command_slots(mapping))
+    reader = SignalReader(sources, mapping.messages, car.database, str(car.path))
+    found = read_samples(load.count(frames), reader, where, channel)
+    begin_s = next((each.time_s for each in found.get(ENGAGE, ()) if each.number > 0.5), -inf)
+    tracks = {}
+    for slot in sources:
+        to_si, delay_s = reader.measurements[slot.name].to_si, slot.column.delay_s
+        tracks[slot.name] = [
+            (time_s - delay_s, to_si(number)) for _, time_s, number in found[slot.name]
+        ]
     dropped = {
         name: counts.wrong_length + counts.wrong_checksum + counts.repeated
         for name, counts in reader.counts.items()
     }
-    usable = {
-        name: [each for each in track if not isnan(each[1])] for name, track in tracks.items()
-    }
+    compared = (*(slot.name for slot in slots), COMMANDED)
+    usable = {name: [each for each in tracks[name] if not isnan(each[1])] for name in compared}
     return CheckReport(
-        times[-1] - times[0] if times else 0.0,
-        len(times),
-        [_report(slot, tracks[slot.name], reader, len(times)) for slot in slots],
+        load.duration_s,
+        load.frames,
+        load.percent,
+        [_report(slot, tracks[slot.name], begin_s, reader, load.frames) for slot in slots],
         check_relations(usable, mapping.car.car.geometry if mapping.car else None),
         {name: count for name, count in dropped.items() if count},
     )
 
 
-def _report(slot: Slot, track: Track, reader: SignalReader, frames: int) -> SlotReport:
+class BusLoad:
+    """Number, time and bits of the frames that pass through `count`."""
+
+    def __init__(self) -> None:
+        self.frames = self._bits = 0
+        self._first_s = self._last_s = 0.0
+
+    def count(self, frames: Iterable[LoggedFrame]) -> Iterator[LoggedFrame]:
+        """The frames as they are."""
+        for each in frames:
+            frame = each.frame
+            self._first_s = self._first_s if self.frames else frame.timestamp
+            self._last_s = frame.timestamp
+            self.frames += 1
+            self._bits += (67 if frame.is_extended_id else 47) + 8 * len(frame.data)
+            yield each
+
+    @property
+    def duration_s(self) -> float:
+        """From the first frame to the last."""
+        return self._last_s - self._first_s
+
+    @property
+    def percent(self) -> float:
+        """Of a classic bus with `BIT_RATE`, without stuff bits."""
+        bits = BIT_RATE * self.duration_s
+        return 100.0 * self._bits / bits if bits > 0.0 else 0.0
+
+
+def _report(
+    slot: Slot, whole: Track, begin_s: float, reader: SignalReader, frames: int
+) -> SlotReport:
     source = reader.sources[slot.name]
-    message, counts = source.message, reader.counts[source.message.name]
+    message = source.message
     identifier = f"{message.frame_id:#x}"
     cycle_s = 1e-3 * message.cycle_time if message.cycle_time else None
+    track = [each for each in whole if each[0] >= begin_s]
     values = [value for _, value in track if not isnan(value)]
     n, unusable = len(track), len(track) - len(values)
     column = slot.column.column
@@ -138,29 +191,20 @@ def _report(slot: Slot, track: Track, reader: SignalReader, frames: int) -> Slot
     if steps:
         report.period_s, report.longest_gap_s = median(steps), max(steps)
     allowed_s, found_s = longest_gap_s(slot, source), report.longest_gap_s
-    kind = "29-bit" if message.is_extended_frame else "11-bit"
-    problem = remedy = ""
-    if counts.wrong_checksum > counts.accepted:
-        problem = f"{counts.wrong_checksum} frames of {message.name} with a wrong checksum"
-        remedy = f"Correct [messages.{message.name}] checksum: kind, signal, data_id"
-    elif not track and frames == 0:
-        problem, remedy = "no frame at all", "Check bus, channel and bit rate"
-    elif not track:
-        problem = f"no sample: no frame of {message.name} ({kind} id {identifier})"
-        if counts.accepted:
-            problem = (
-                f"no sample, although {message.name} arrives: its multiplexer value is not sent"
-            )
-        remedy = f"Check that the car sends it, and `column` of {slot.name}"
+    problem, remedy = reader.objection(slot.name)
+    if problem:
+        if frames == 0:
+            problem, remedy = "no frame at all", "Check bus, channel and bit rate"
     elif unusable > ALLOWED_UNUSABLE_SHARE * n:
-        low, high = slot.plausible
         problem = f"{unusable} of {n} samples cannot be used"
-        remedy = (
-            f"The car marks them as missing, or they are outside the range of the DBC or of "
-            f"{low:g} to {high:g} {slot.si}: check unit, factor and offset, or write plausible"
-        )
+        remedy = reader.measurements[slot.name].explain()
     elif found_s is not None and found_s > allowed_s:
         problem = f"a gap of {found_s:.3g} s, allowed {allowed_s:.3g} s"
         remedy = "Find out why frames are missing, or write longest_gap_s"
+    elif cycle_s and report.period_s and not 0.5 < report.period_s / cycle_s < 2.0:
+        problem = (
+            f"a sample every {1e3 * report.period_s:.3g} ms, the DBC says {1e3 * cycle_s:.3g} ms"
+        )
+        remedy = "Check the times of the log, and whether two nodes send the message"
     report.ok, report.problem, report.remedy = not problem, problem, remedy
     return report

@@ -4,21 +4,17 @@ Import, `rt-controller signals check` and gateway decide it here, so that a gap 
 gap in all.
 """
 
-import re
 from collections import Counter
 from math import inf, isfinite, nan
 
 from cantools.database.can import Signal
 
+from rt_controller.mapping.quantity import limits_of
 from rt_controller.mapping.slots import Scaling, Slot
+from rt_controller.mapping.value_names import stands_for_no_value
 
-_MISSING = re.compile("notavailable|sna|invalid|error|fault")
-"""names of raw values, without blanks and underscores, that stand for no value"""
-
-
-def stands_for_no_value(text: str) -> bool:
-    """True if a DBC names a raw value so because the car then has no value."""
-    return _MISSING.search(re.sub("[_ ]", "", text.lower())) is not None
+ALLOWED_UNUSABLE_SHARE = 0.01
+"""share of samples that may be no measurements"""
 
 
 class Measurement:
@@ -26,9 +22,13 @@ class Measurement:
 
     def __init__(self, slot: Slot, signal: Signal, scaling: Scaling) -> None:
         self.slot, self.signal, self.scaling = slot, signal, scaling
+        self.samples = 0
         self.unusable: Counter[str] = Counter()
         """numbers of samples that are none, by why"""
-        self._low, self._high = (-inf, inf) if slot.is_plausible_given else range_of(signal)
+        limits = limits_of(slot.quantity, scaling.si)
+        self.plausible = slot.plausible or (limits.low, limits.high)
+        """in SI"""
+        self._low, self._high = range_of(signal) if slot.plausible is None else (-inf, inf)
         self._half_lsb = 0.5 * abs(signal.scale)
         names = {int(raw): str(text) for raw, text in (signal.choices or {}).items()}
         self._missing = {raw: text for raw, text in names.items() if stands_for_no_value(text)}
@@ -40,6 +40,7 @@ class Measurement:
 
     def number(self, raw: float) -> float:
         """In the unit of the DBC; NaN: no measurement. A switch has 1 or 0."""
+        self.samples += 1
         on = self.slot.on
         if on is not None and raw in on:
             return 1.0
@@ -60,9 +61,31 @@ class Measurement:
             return "not finite"
         if not self._low - self._half_lsb <= number <= self._high + self._half_lsb:
             return f"outside of [{self._low:g}, {self._high:g}], the range of the DBC"
-        low, high = self.slot.plausible
-        is_plausible = low <= self.scaling.factor * number + self.scaling.offset <= high
-        return "" if is_plausible else f"outside of [{low:g}, {high:g}] {self.slot.si}"
+        low, high = self.plausible
+        return "" if low <= self.to_si(number) <= high else self.implausible
+
+    def explain(self) -> str:
+        """Why samples were none, the most frequent reason first, and what to do."""
+        name = self.slot.name
+        reasons = "; ".join(f"{n} {reason}" for reason, n in self.unusable.most_common(3))
+        remedy = "the car has no value then; if it has, correct the DBC"
+        if self.unusable[self.implausible] or any("range of" in each for each in self.unusable):
+            remedy = f"check unit, factor and offset, or write plausible for {name}"
+        if hint := placeholder(self.signal):
+            low, high = range_of(self.signal)
+            remedy = (
+                f"the range [{low:g}, {high:g}] of the DBC is a placeholder ({hint}): write "
+                f"plausible for {name}, which replaces it, or correct the DBC"
+            )
+        if self.off is not None:
+            remedy = f"list the raw values in on and off of {name}"
+        return f"{reasons}: {remedy}"
+
+    @property
+    def implausible(self) -> str:
+        """The reason of a number that is not plausible: unit, sign or signal may be wrong."""
+        low, high = self.plausible
+        return f"outside of [{low:g}, {high:g}] {self.scaling.si}, the plausible range"
 
     def to_si(self, number: float) -> float:
         """The SI value of what `number` returns."""

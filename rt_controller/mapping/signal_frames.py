@@ -2,6 +2,7 @@
 
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import reduce
 from math import floor, isfinite, tau
@@ -14,7 +15,7 @@ from cantools.database.can import Database, Message, Signal
 from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.timing import PERIOD_S
 from rt_controller.mapping.car_file import Source, find_source
-from rt_controller.mapping.measurement import Measurement, range_of
+from rt_controller.mapping.measurement import ALLOWED_UNUSABLE_SHARE, Measurement, range_of
 from rt_controller.mapping.slots import Slot, scaling_of
 from rt_controller.mapping.tables import Checksum, ChecksumKind, MessageMapping
 
@@ -45,7 +46,9 @@ class ReadCounts:
 
     accepted: int = 0
     wrong_length: int = 0
-    """or not decodable; dropped"""
+    """shorter than the DBC says, or not decodable; dropped"""
+    found_bytes: int = 0
+    """of the last one of these"""
     wrong_checksum: int = 0
     """dropped"""
     repeated: int = 0
@@ -115,20 +118,62 @@ class SignalReader:
             DatasetError: a unit is missing or does not fit.
         """
         self.sources: dict[str, Source] = {}
+        self.measurements: dict[str, Measurement] = {}
+        """by slot"""
         self._frames: dict[tuple[int, bool], _Frame] = {}
         for message, field in _located(slots, database, where):
             self.sources[field.slot.name] = Source(message, field.signal)
+            self.measurements[field.slot.name] = field
             key = message.frame_id, message.is_extended_frame
             if key not in self._frames:
                 self._frames[key] = _Frame(message, messages.get(message.name, MessageMapping()))
             self._frames[key].fields.append(field)
         self.counts = {each.message.name: each.counts for each in self._frames.values()}
 
+    def has(self, frame: can.Message) -> bool:
+        """True if a slot is in messages with this identifier."""
+        return (frame.arbitration_id, frame.is_extended_id) in self._frames
+
+    def objection(self, name: str) -> tuple[str, str]:
+        """Why the frames of a slot cannot be used, and what to do; empty: they can.
+
+        Also if there are none.
+        """
+        message = self.sources[name].message
+        counts, measured = self.counts[message.name], self.measurements[name]
+        if counts.wrong_checksum > counts.accepted:
+            return (
+                f"{counts.wrong_checksum} frames of {message.name} with a wrong checksum",
+                f"Correct [messages.{message.name}] checksum: kind, signal, data_id",
+            )
+        if counts.wrong_length > ALLOWED_UNUSABLE_SHARE * counts.accepted:
+            return (
+                f"{counts.wrong_length} frames of {message.name} have {counts.found_bytes} bytes, "
+                f"the DBC says {message.length}",
+                "Use the DBC of this car, or correct the length of the message in it",
+            )
+        if measured.samples:
+            return "", ""
+        kind = "29-bit" if message.is_extended_frame else "11-bit"
+        problem = f"no sample: no frame of {message.name} ({kind} id {message.frame_id:#x})"
+        if counts.accepted:
+            problem = (
+                f"no sample, although {message.name} arrives: its multiplexer value is not sent"
+            )
+        return problem, f"Check that the car sends it, and `column` of {measured.slot.name}"
+
     def read(self, frame: can.Message) -> dict[str, float] | None:
         """SI values of the slots in a frame, by name; NaN: the car sent none that may be used.
 
         None: no mapped message, or a frame that is damaged or repeated.
         """
+        numbers = self.numbers(frame)
+        if numbers is None:
+            return None
+        return {name: self.measurements[name].to_si(number) for name, number in numbers.items()}
+
+    def numbers(self, frame: can.Message) -> dict[str, float] | None:
+        """The same in the units of the DBC; of a switch 1 or 0."""
         known = self._frames.get((frame.arbitration_id, frame.is_extended_id))
         if known is None or frame.is_error_frame or frame.is_remote_frame:
             return None
@@ -136,7 +181,7 @@ class SignalReader:
         try:
             raws = known.message.decode_simple(data, decode_choices=False, scaling=False)
         except (cantools.Error, ValueError):
-            counts.wrong_length += 1
+            counts.wrong_length, counts.found_bytes = counts.wrong_length + 1, len(data)
             return None
         place = known.checksum_place
         if place is not None and data[place] != known.checksum(data):
@@ -152,7 +197,7 @@ class SignalReader:
             known.last = number
         counts.accepted += 1
         return {
-            field.slot.name: field.to_si(field.number(raw))
+            field.slot.name: field.number(raw)
             for field in known.fields
             if isinstance(raw := raws.get(field.signal.name), int | float)
         }
@@ -233,11 +278,19 @@ def _located(
 ) -> Iterator[tuple[Message, _Field]]:
     """Each slot with its place in the DBC; a slot without a dimension needs no unit there."""
     for slot in slots:
-        message, signal = find_source(f"{where}: {slot.name}", database, slot.column.column)
+        message, signal = _find(f"{where}: {slot.name}", database, slot.column.names)
         is_plain = slot.si == "1" and slot.column.unit is None
         unit = signal.unit or ("1" if is_plain else None)
-        scaling = scaling_of(where, unit, slot.column, slot.name, slot.si)
+        scaling = scaling_of(where, unit, slot.column, slot.name, slot.si or None)
         yield message, _Field(slot, signal, scaling)
+
+
+def _find(where: str, database: Database, names: Sequence[str]) -> Source:
+    """The signal of the first of the names that the DBC has."""
+    for name in names[:-1]:
+        with suppress(ConfigError):
+            return find_source(where, database, name)
+    return find_source(where, database, names[-1])
 
 
 def _require_signal(message: Message, name: str, what: str) -> Signal:

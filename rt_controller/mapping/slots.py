@@ -1,12 +1,11 @@
 """Slots: each signal that a car sends or receives, by the name of its place in the mapping file."""
 
 from collections.abc import Iterable, Iterator
-from math import inf
 from typing import NamedTuple
 
 from rt_controller.contract.errors import DatasetError
 from rt_controller.contract.signals import VEHICLE
-from rt_controller.mapping.quantity import limits_of, quantity_of_name
+from rt_controller.mapping.quantity import Quantity, quantity_of_name
 from rt_controller.mapping.tables import ColumnMapping, DrivingMapping, SignalMapping, SwitchMapping
 from rt_controller.mapping.units import find_unit, near_units, si_unit_of_name
 
@@ -25,11 +24,11 @@ class Slot(NamedTuple):
     """table and field: "states.vx_mps", "pose.yaw", "commands.throttle" """
     column: ColumnMapping
     si: str
-    """SI unit"""
-    plausible: tuple[float, float] = (-inf, inf)
-    """in SI"""
-    is_plausible_given: bool = False
-    """by the mapping: then it replaces the range of the DBC"""
+    """SI unit; empty: that of the mapping or of the file"""
+    quantity: Quantity = Quantity.OTHER
+    """whose limits a measurement keeps"""
+    plausible: tuple[float, float] | None = None
+    """in SI, as the mapping gives it; then neither those limits nor the range of the DBC count"""
     on: frozenset[int] | None = None
     """raw values of a switch that mean 1; None: its value is in SI"""
     off: frozenset[int] | None = None
@@ -45,12 +44,12 @@ def measured_slots(mapping: DrivingMapping) -> tuple[Slot, ...]:
         "reference": mapping.reference,
         "mission": mapping.mission,
     }
-    return tuple(slot for name, table in tables.items() for slot in _slots(name, table))
+    return tuple(slot for name, table in tables.items() for slot in slots_of(name, table))
 
 
 def command_slots(mapping: DrivingMapping) -> tuple[Slot, ...]:
     """What the car receives."""
-    return tuple(_slots("commands", mapping.commands))
+    return tuple(slots_of("commands", mapping.commands))
 
 
 def driving_slot(mapping: DrivingMapping) -> tuple[Slot, ...]:
@@ -70,24 +69,27 @@ def driving_slot(mapping: DrivingMapping) -> tuple[Slot, ...]:
     return ()
 
 
-def _slots(table: str, columns: Iterable[tuple[str, object]]) -> Iterator[Slot]:
+def slots_of(table: str, columns: Iterable[tuple[str, object]]) -> Iterator[Slot]:
+    """The slots of a table; of the table "signals", those of a log, any unit may be wanted."""
     for name, column in columns:
         if not isinstance(column, ColumnMapping):  # a constant
             continue
-        si = _UNITS.get(name) or si_unit_of_name(name) or "1"
+        si = _UNITS.get(name) or si_unit_of_name(name) or ("" if table == "signals" else "1")
         unit = find_unit(column.unit) if column.unit else None
         if name == "c1" and unit is not None and unit.si == "rad":
             si = "rad"  # a slope: a ratio, or for small angles the angle
-        limits = limits_of(quantity_of_name(name), si)
-        plausible = (limits.low, limits.high) if table in ("states", "inputs") else (-inf, inf)
-        given = column.plausible if isinstance(column, SignalMapping) else None
+        quantity, plausible = Quantity.OTHER, None
+        if isinstance(column, SignalMapping):
+            plausible = column.plausible
+            if table in ("states", "inputs", "signals"):
+                quantity = column.quantity or quantity_of_name(name)
         on, off = (column.on, column.off) if isinstance(column, SwitchMapping) else (None, None)
         yield Slot(
             f"{table}.{name}",
             column,
             si,
-            plausible if given is None else given,
-            given is not None,
+            quantity,
+            plausible,
             None if on is None else frozenset(on),
             None if off is None else frozenset(off),
         )

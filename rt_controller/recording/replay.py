@@ -14,13 +14,10 @@ from typing import Any, NamedTuple
 
 import can
 
-from rt_controller.bus.log.log_file import SUFFIX
-from rt_controller.bus.log.recorder import ERROR_FLAG
 from rt_controller.bus.messages import COMMAND
 from rt_controller.contract.errors import ConfigError
-from rt_controller.contract.files import open_regular
 from rt_controller.contract.signals import ControlInput
-from rt_controller.mapping.log_damage import explain_candump_line, explain_damage, is_candump_line
+from rt_controller.mapping.can_log import read_frames
 from rt_controller.node import ControlNode, build_mpc, build_node
 from rt_controller.recording.journal import (
     BUS_FAILURE,
@@ -75,10 +72,11 @@ def read_recorded_drive(path: Path) -> RecordedDrive:
     """The drive that was recorded to this log.
 
     Raises:
-        ConfigError: the log or its journal cannot be read, or they do not belong together.
+        ConfigError, DatasetError: the log or its journal cannot be read or is damaged, or they do
+            not belong together.
     """
     header, ticks = read_journal(path)
-    frames = read_frames(path)
+    frames = (each.frame for each in read_frames(path, _COPY_AGAIN))
 
     def with_frames(call: Call) -> Call:
         found = tuple(islice(frames, call.n_frames))
@@ -91,57 +89,6 @@ def read_recorded_drive(path: Path) -> RecordedDrive:
 
     joined = (replace(tick, calls=tuple(map(with_frames, tick.calls))) for tick in ticks)
     return RecordedDrive(path, header, tuple(joined))
-
-
-def read_frames(path: Path, remedy: str = _COPY_AGAIN) -> Iterator[can.Message]:
-    """The frames with data of a CAN log (.log, .blf, .asc, .trc), in its order.
-
-    Raises:
-        ConfigError: it cannot be read, or is damaged; the message ends with `remedy`.
-    """
-    n_frames = 0
-    try:
-        open_regular(path).close()  # a pipe is not waited for
-        if path.suffix.lower() == SUFFIX:
-            yield from _candump_frames(path, remedy)
-            return
-        with can.LogReader(path) as reader:
-            for frame in reader:
-                n_frames += 1
-                if not (frame.is_remote_frame or frame.is_error_frame):
-                    yield frame
-    except OSError as error:
-        raise ConfigError(
-            f"{path}: expected a log that can be read, found {error.strerror or error}. Correct "
-            f"the path or the permissions."
-        ) from error
-    except ConfigError:
-        raise
-    except Exception as error:  # python-can's readers raise many types
-        raise ConfigError(f"{explain_damage(path, n_frames)}. {remedy}") from error
-
-
-def _candump_frames(path: Path, remedy: str) -> Iterator[can.Message]:
-    """Those of a candump log; python-can would take error frames of most classes for data."""
-    with path.open(encoding="utf-8", errors="replace") as lines:
-        for number, line in enumerate(lines, start=1):
-            if not line.strip():
-                continue
-            if not is_candump_line(line):
-                raise ConfigError(f"{explain_candump_line(path, number, line)}. {remedy}")
-            stamp, _, content = line.split()[:3]
-            digits, _, data = content.partition("#")
-            identifier, is_extended = int(digits, 16), len(digits) == 8
-            if (is_extended and identifier & ERROR_FLAG) or data.startswith("R"):
-                continue
-            is_fd = data.startswith("#")  # with a digit of flags
-            yield can.Message(
-                timestamp=float(stamp.strip("()")),
-                arbitration_id=identifier,
-                is_extended_id=is_extended,
-                is_fd=is_fd,
-                data=bytes.fromhex(data[2:] if is_fd else data),
-            )
 
 
 class ReplayedTick(NamedTuple):

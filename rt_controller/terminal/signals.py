@@ -16,11 +16,12 @@ from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.figures import require_writable, write_figures
 from rt_controller.gateway.lateral_speed import choose_car, choose_lateral_speed
 from rt_controller.gateway.process import LEAVING_REQUEST, Gateway, run_gateway
-from rt_controller.gateway.signals_check import HELP, CheckReport, check_signals
+from rt_controller.gateway.signal_relations import is_contradiction
+from rt_controller.gateway.signals_check import BIT_RATE, HELP, CheckReport, check_signals
+from rt_controller.mapping.can_log import LoggedFrame, read_frames
 from rt_controller.mapping.car_file import CarFile, read_car
 from rt_controller.model.artifact import find_model, load_bundle
 from rt_controller.realtime.scheduling import real_time_process, set_thread_priority
-from rt_controller.recording.replay import read_frames
 from rt_controller.report.table import Cell, Column, Table, format_number, print_table
 from rt_controller.settings import BusSettings
 from rt_controller.terminal.entry import INTERRUPTED
@@ -53,15 +54,16 @@ def check_at_terminal(
         )
     car = _read_car(file)
     pauses_s: list[float] = []
+    channel: int | str | None = None  # of a log
     with ExitStack() as opened:
         if bus is not None:
             listened = bus.open_bus()
             opened.callback(close_bus, listened)
             opened.enter_context(announce(f"listening for {listen_s:g} s", is_quiet))
-            frames = _listen(listened, listen_s, pauses_s)
+            frames, where = _listen(listened, listen_s, pauses_s), str(listened.channel_info)
         elif log is not None:
-            frames = ((each.timestamp, each) for each in read_frames(log, REMEDY))
-        report = check_signals(car, frames)
+            frames, where, channel = read_frames(log, REMEDY), str(log), car.mapping.can.channel
+        report = check_signals(car, frames, where, channel)
     _print(report)
     if pauses_s:
         show(
@@ -122,27 +124,24 @@ def _read_car(file: Path) -> CarFile:
     return car
 
 
-def _listen(
-    bus: can.BusABC, listen_s: float, pauses_s: list[float]
-) -> Iterator[tuple[float, can.Message]]:
-    """Each frame with its stamp in s, which counts also if this program was not run meanwhile.
+def _listen(bus: can.BusABC, listen_s: float, pauses_s: list[float]) -> Iterator[LoggedFrame]:
+    """Each frame with its number and its stamp in s.
 
-    The lengths of such pauses are appended to `pauses_s`.
+    The stamp counts also if this program was not run meanwhile; the lengths of such pauses are
+    appended to `pauses_s`.
     """
     last_s = time.monotonic()
-    end_s = last_s + listen_s
+    end_s, number = last_s + listen_s, 0
     while last_s < end_s:
         frame = bus.recv(min(_LONGEST_WAIT_S, end_s - last_s))
         now_s = time.monotonic()
         if now_s - last_s > _PAUSE_S:
             pauses_s.append(now_s - last_s)
         if frame is not None:
-            yield frame.timestamp or now_s, frame
+            number += 1
+            frame.timestamp = frame.timestamp or now_s
+            yield LoggedFrame(number, frame, "")
         last_s = now_s
-
-
-_VERDICTS = {"yes": Cell("CONTRADICTED", status="bad"), "no": Cell("holds", status="good")}
-"""by the answer to: does it contradict kinematics?"""
 
 
 def _print(report: CheckReport) -> None:
@@ -166,18 +165,26 @@ def _print(report: CheckReport) -> None:
         )
         for each, text in zip(report.slots, _problems(report), strict=True)
     )
-    title = f"{report.frames} frames in {report.duration_s:.1f} s"
-    print_table(Table(title, columns, rows), Console())
-    relations = tuple(
-        (text, _VERDICTS.get(answer, answer)) for text, answer in report.relations.items()
+    title = (
+        f"{report.frames} frames in {report.duration_s:.1f} s, {report.bus_load_percent:.0f} % of "
+        f"a bus with {BIT_RATE // 1000} kbit/s"
     )
+    print_table(Table(title, columns, rows), Console())
+    relations = tuple((text, _verdict(answer)) for text, answer in report.relations.items())
     heads = (Column("relation", is_text=True), Column("", is_text=True))
     print_table(Table("Relations between signals", heads, relations), Console())
     plain = partial(Console().print, highlight=False, markup=False, soft_wrap=True)
-    if "yes" in report.relations.values():
+    if any(map(is_contradiction, report.relations.values())):
         plain(f"{HELP}.")
     for name, count in report.dropped.items():
         plain(f"{name}: {count} frames damaged or repeated")
+
+
+def _verdict(answer: str) -> str | Cell:
+    """Of the answer to: does it contradict kinematics?"""
+    if is_contradiction(answer):
+        return Cell(answer.replace("yes", "CONTRADICTED", 1), status="bad")
+    return Cell("holds", status="good") if answer == "no" else answer
 
 
 def _problems(report: CheckReport) -> Iterator[str]:

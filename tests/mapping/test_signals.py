@@ -17,8 +17,8 @@ from own_car import (
 )
 
 from rt_controller.contract.errors import ConfigError, DatasetError
+from rt_controller.mapping.can_log import read_frames
 from rt_controller.mapping.car_file import find_source, load_dbc, read_car
-from rt_controller.mapping.log_damage import explain_damage, is_candump_line
 from rt_controller.mapping.signal_frames import SignalReader, SignalWriter
 from rt_controller.mapping.slots import Slot
 from rt_controller.mapping.tables import ColumnMapping, SwitchMapping
@@ -363,17 +363,19 @@ def test_a_mapped_message_with_a_defect_is_refused_with_its_reason(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "line",
+    ("line", "number"),
     [
-        "(1.000000) can0 123#",
-        "(1.000000) can0 00000123#0102 R\n",
-        "(1.000000) can0 123##10102",
-        "(1.000000) can0 123#R8",
-        "(1.000000) can0 20000004#0000000000000000",
+        ("(1.000000) can0 123#", 1),
+        ("(1.000000) can0 00000123#0102 R", 1),
+        ("(1.000000) can0 123##10102", 1),
+        ("(1.000000) can0 123#R8", 0),  # a remote frame has no data
+        ("(1.000000) can0 20000004#0000000000000000", 0),  # an error frame
     ],
 )
-def test_lines_of_candump_are_whole(line):
-    assert is_candump_line(line)
+def test_lines_of_candump_are_read(tmp_path, line, number):
+    (tmp_path / "a.log").write_text(f"{line}\n")
+    found = list(read_frames(tmp_path / "a.log", "Copy it."))
+    assert [(each.number, each.channel) for each in found] == [(1, "can0")] * number
 
 
 @pytest.mark.parametrize(
@@ -383,23 +385,43 @@ def test_a_damaged_line_of_candump_is_named_with_its_number(tmp_path, line):
     log = tmp_path / "a.log"
     log.write_text(f"(1.0) can0 123#00\n\n{line}\n")
     expected = r"(seconds) channel ID#DATA with ID and DATA in hexadecimal digits"
-    assert explain_damage(log, 1) == f"{log}, line 3: expected {expected}, found {line!r}"
+    with pytest.raises(DatasetError) as refused:
+        list(read_frames(log, "Copy it."))
+    assert str(refused.value) == f"{log}, line 3: expected {expected}, found {line!r}. Copy it."
 
 
-def test_a_damaged_log_of_another_format_is_named_with_the_frame(tmp_path):
-    log = tmp_path / "a.asc"
-    with can.ASCWriter(log) as writer:
+DAMAGES = {
+    "another hexadecimal digit": (".asc", lambda b: b.replace(b" 02\n", b" ZZ\n"), "frame 3: exp"),
+    "no last line": (".asc", lambda b: b.replace(b"End TriggerBlock\n", b""), "End TriggerBlock"),
+    "relative": (".asc", lambda b: b.replace(b"absolute", b"relative"), "since the beginning"),
+    "cut": (".blf", lambda b: b[:-9], "truncated"),
+    "text": (".blf", lambda _: b"text", "in the format of its suffix"),
+    "a line without its end": (".log", lambda b: b[:-1], "a complete last line"),
+}
+
+
+@pytest.mark.parametrize("damage", DAMAGES)
+def test_a_damaged_log_is_refused_in_words_of_its_format(tmp_path, damage):
+    suffix, change, message = DAMAGES[damage]
+    log = tmp_path / f"a{suffix}"
+    with can.Logger(log) as writer:
         for number in range(3):
-            writer.on_message_received(can.Message(timestamp=number, data=[number]))
-    log.write_text(log.read_text().replace(" 02\n", " ZZ\n"))
-    n_frames = 0
-    with pytest.raises(ValueError, match="ZZ"), can.LogReader(log) as reader:  # noqa: PT012
-        for _ in reader:
-            n_frames += 1
-    assert f"{log}, frame 3: expected a frame in the format .asc" in explain_damage(log, n_frames)
+            writer(can.Message(timestamp=number, data=[number]))
+    log.write_bytes(change(log.read_bytes()))
+    with pytest.raises(DatasetError, match=message):
+        list(read_frames(log, "Copy it."))
 
 
-def test_a_log_without_any_frame_is_no_log_of_its_format(tmp_path):
-    log = tmp_path / "a.blf"
-    log.write_bytes(b"text")
-    assert "expected a CAN log in the format of its suffix" in explain_damage(log, 0)
+@pytest.mark.parametrize("suffix", [".asc", ".blf", ".trc"])
+def test_channels_are_those_of_the_file(tmp_path, suffix):
+    """python-can counts from 0 what ASC and BLF files, and Vector's tools, count from 1."""
+    log = tmp_path / f"a{suffix}"
+    with can.Logger(log) as writer:
+        for channel in (0, 1):
+            writer(can.Message(timestamp=channel, data=[1], channel=channel))
+    text = log.read_bytes().decode("latin-1")
+    found = [each.channel for each in read_frames(log, "Copy it.")]
+    assert found == ["1", "2"]
+    if suffix == ".asc":
+        written = [line.split()[1] for line in text.splitlines() if " d 1 " in line]
+        assert written == found

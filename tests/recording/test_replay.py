@@ -11,7 +11,7 @@ import pytest
 from virtual_drive import SHORT_LANE_CHANGE, drive
 
 from rt_controller.cli import app
-from rt_controller.contract.errors import ConfigError
+from rt_controller.contract.errors import ConfigError, DatasetError
 from rt_controller.recording.journal import Header, journal_path, read_journal
 
 
@@ -141,7 +141,7 @@ def test_files_that_cannot_be_replayed_are_refused_with_the_remedy(
         file.unlink()
     else:
         file.write_text("".join(edited))
-    with pytest.raises(ConfigError, match=expected):
+    with pytest.raises((ConfigError, DatasetError), match=expected):
         replay(log)
 
 

@@ -18,7 +18,8 @@ from offline.logs.mapping import CsvSettings
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.errors import DatasetError
 from rt_controller.contract.names import columns_of
-from rt_controller.mapping.tables import CanSettings, Clock, Sampling
+from rt_controller.mapping.slots import Slot
+from rt_controller.mapping.tables import CanSettings, Clock, MessageMapping, Sampling
 from rt_controller.mapping.units import find_unit, unit_of_name
 
 Names = Sequence[str]
@@ -48,6 +49,8 @@ class Series:
     path: Path
     word: str = "row"
     """name of a row of the file, for messages: "line", "row", "frame" """
+    unusable: str = ""
+    """number and reasons of the samples of the file that are no measurements, and left out"""
     file: str | None = None
     """`file` of the mapping, in a drive with one file for each signal"""
     name: str = ""
@@ -126,6 +129,9 @@ class Request(NamedTuple):
     clock: Clock
     csv: CsvSettings = CsvSettings()
     can: CanSettings | None = None
+    slots: Sequence[Slot] = ()
+    """of the wanted columns, in their order; for CAN logs"""
+    messages: Mapping[str, MessageMapping] = MappingProxyType({})
 
     def choose(self, available: Sequence[str]) -> list[Heading]:
         """The wanted columns among those of a table; that of time, if there is one, first."""

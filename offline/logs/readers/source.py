@@ -20,8 +20,9 @@ import pandas as pd
 from offline.data.manifest import SourceFile
 from offline.logs.mapping import LogMapping
 from offline.logs.readers.formats import SUFFIXES, read_file
-from offline.logs.readers.log import Heading, Log, Names, Request
+from offline.logs.readers.log import Heading, Log, Request
 from rt_controller.contract.errors import ConfigError, DatasetError
+from rt_controller.mapping.slots import Slot
 from rt_controller.mapping.tables import Clock
 
 DRIVE = "{drive}"
@@ -138,13 +139,14 @@ def read_log(drive: DriveFiles, mapping: LogMapping) -> Log:
         DatasetError: see `read_file`; or the files of the drive have no time in common.
         MissingExtraError: the package that reads such logs is not installed.
     """
-    groups: dict[tuple[str | None, Clock], list[Names]] = defaultdict(list)
-    for column in mapping.every_column:
-        groups[column.file, column.time or mapping.time].append(column.names)
+    groups: dict[tuple[str | None, Clock], list[Slot]] = defaultdict(list)
+    for slot in mapping.slots:
+        groups[slot.column.file, slot.column.time or mapping.time].append(slot)
     parts = []
-    for (file, clock), wanted in groups.items():
-        path = drive.parts[file] if file else drive.path
-        log = _read_part(Request(path, wanted, clock, mapping.csv, mapping.can))
+    for (file, clock), slots in groups.items():
+        path, wanted = drive.parts[file] if file else drive.path, [s.column.names for s in slots]
+        ask = Request(path, wanted, clock, mapping.csv, mapping.can, slots, mapping.messages)
+        log = _read_part(ask)
         parts.append(replace(log, channels=tuple(replace(c, file=file) for c in log.channels)))
     return replace(_on_one_clock(parts), name=drive.name)
 

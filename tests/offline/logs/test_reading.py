@@ -14,7 +14,8 @@ from offline.logs.mapping import CsvSettings
 from offline.logs.readers.formats import read_file
 from offline.logs.readers.log import Request
 from rt_controller.contract.errors import ConfigError, DatasetError
-from rt_controller.mapping.tables import CanSettings, Clock
+from rt_controller.mapping.slots import Slot
+from rt_controller.mapping.tables import CanSettings, Clock, ColumnMapping
 
 STAMPED = Clock(column="t")
 EVERY_10_MS = Clock(period_s=0.01)
@@ -33,7 +34,14 @@ BO_ 768 OTHER: 4 ECU
 
 def read(path, *wanted, clock=STAMPED, can=None, **style):
     names = [(each,) if isinstance(each, str) else each for each in wanted or ("v",)]
-    return read_file(Request(path, names, clock, CsvSettings(**style), can))
+    unit = {"OTHER.Counter": "1"}
+    columns = [
+        ColumnMapping(column=each[0], other_names=each[1:], unit=unit.get(each[0]))
+        for each in names
+        if can
+    ]
+    slots = [Slot(f"signals.{each.column}", each, "") for each in columns]
+    return read_file(Request(path, names, clock, CsvSettings(**style), can, slots))
 
 
 @pytest.fixture
@@ -308,6 +316,67 @@ def test_mdf_channels_have_the_time_of_their_group(tmp_path):
         read(path, "Steering")
 
 
+RAWS = np.array([5400, 5410, 0, 65535, 5420, 65534, 1], dtype=np.uint16)
+LINEAR = {"a": 0.01, "b": 0.0}
+LABELS = {"val_0": 0, "text_0": b"Standstill", "val_1": 65535, "text_1": b"SNA"}
+RANGES = {
+    "lower_0": 0,
+    "upper_0": 0,
+    "text_0": b"no error",
+    "lower_1": 65534,
+    "upper_1": 65535,
+    "text_1": b"Sensor_Error",
+}
+SCALED = {
+    "lower_0": 0,
+    "upper_0": 65533,
+    "text_0": LINEAR,
+    "lower_1": 65534,
+    "upper_1": 65535,
+    "text_1": b"Not available",
+}
+
+
+@pytest.mark.parametrize("version", ["3.30", "4.10"])
+@pytest.mark.parametrize(
+    ("conversion", "scale", "missing"),
+    [
+        ({**LABELS, "default_addr": LINEAR}, 0.01, (3,)),
+        ({**RANGES, "default_addr": LINEAR}, 0.01, (3, 5)),
+        (SCALED, 0.01, (3, 5)),
+        (LABELS, 1.0, (3,)),
+        ({"val_0": 0, "text_0": b"Off", "val_1": 1, "text_1": b"On"}, 1.0, ()),
+        ({**LABELS, "default_addr": b"valid"}, 1.0, (3,)),
+        ({"val_0": 1, "text_0": b"Off", "val_1": 0, "text_1": b"On", "default_addr": b"init"},
+         1.0, (0, 1, 3, 4, 5)),
+        ({"val_0": 1, "text_0": b"Init", "val_1": 5400, "text_1": b"Cruise"}, 1.0, (6,)),
+    ],
+)  # fmt: skip
+def test_labels_of_mdf_are_numbers_or_gaps(tmp_path, version, conversion, scale, missing):
+    if version < "4" and scale != 1.0:
+        pytest.skip("MDF 3 has no conversion beside texts")
+    path, t_s = tmp_path / ("a.mf4" if version > "4" else "a.mdf"), 0.01 * np.arange(len(RAWS))
+    with MDF(version=version) as mdf:
+        mdf.append([Signal(RAWS, t_s, name="v", unit="km/h", conversion=conversion)])
+        mdf.save(path)
+    (channel,) = read(path, "v").channels
+    kept = np.delete(np.arange(len(RAWS)), missing)
+    assert channel.values == pytest.approx(scale * RAWS[kept])
+    assert channel.t_s == pytest.approx(t_s[kept])
+    assert channel.row.tolist() == (kept + 1).tolist()
+    assert (channel.unit, bool(channel.unusable)) == ("km/h", bool(missing))
+
+
+def test_an_mdf_channel_without_any_measurement_is_refused(tmp_path):
+    labels = {"val_0": 7, "text_0": b"SNA", "default_addr": LINEAR}
+    with MDF() as mdf:
+        raws = np.full(9, 7, np.uint8)
+        mdf.append([Signal(raws, 0.1 * np.arange(9), name="v", conversion=labels)])
+        mdf.save(tmp_path / "a.mf4")
+    with pytest.raises(DatasetError, match="found none among 9 samples: 9 'SNA' in the file"):
+        read(tmp_path / "a.mf4", "v")
+
+
 @pytest.mark.parametrize("suffix", [".blf", ".asc", ".log"])
 def test_can_signals_have_the_time_stamps_of_their_frames(tmp_path, settings, suffix):
     write_can(tmp_path / f"a{suffix}")
@@ -325,8 +394,12 @@ def test_can_signals_have_the_time_stamps_of_their_frames(tmp_path, settings, su
     [
         ("Counter", {}, r"WHEEL\.Counter, OTHER\.Counter"),
         ("yawrate", {}, r"'yawrate'.*Did you mean YawRate"),
-        ("OTHER.Counter", {}, r"column OTHER\.Counter: expected frames of OTHER"),
-        ("Speed", {"channel": 7}, "on channel 7"),
+        (
+            "OTHER.Counter",
+            {},
+            r"column OTHER\.Counter: .* no frame of OTHER",
+        ),
+        ("Speed", {"channel": 7}, r"on channel 7, found none; other channels have them: 2 \(60\)"),
         ("Speed", None, r"\[can\] dbc"),
     ],
 )
@@ -342,7 +415,10 @@ def test_can_signals_that_are_not_in_the_log_are_refused(
 @pytest.mark.parametrize(
     ("end", "message"),
     [
-        ("(1.010000) can0 100#88\n", r"a\.log, column Speed, frame 2: expected 8 bytes"),
+        (
+            "(1.010000) can0 100#88\n",
+            "1 frames of MOTION have 1 bytes, the DBC says 8",
+        ),
         ("(1.0100", "truncated"),
         ("(1.010000) can0 100#88zz\n", r"a\.log, line 2: expected \(seconds\) channel ID#DATA"),
     ],
