@@ -4,6 +4,7 @@ A column is a signal's name, or "Message.Signal" if several messages have a sign
 """
 
 import codecs
+import logging
 from collections.abc import Sequence
 from functools import lru_cache
 from pathlib import Path
@@ -70,6 +71,8 @@ def load_dbc(path: Path) -> CarDatabase:
 def _parsed(path: Path, content: bytes) -> CarDatabase:
     """The database of a file; cached because each log of an import asks for it."""
     text, defects = _decoded(content), list[Defect]()
+    # It warns of identifiers and names that occur twice, also of messages that are not mapped.
+    logging.getLogger("cantools").setLevel(logging.ERROR)
     kind = path.suffix.lower().removeprefix(".")
     try:
         database = cantools.database.load_string(text, kind if kind in _KINDS else None)
@@ -82,7 +85,9 @@ def _parsed(path: Path, content: bytes) -> CarDatabase:
         messages, defects = read_messages(text)
         if not messages and not defects:
             raise
-    return CarDatabase(*without_repeated(messages, defects), path.name)
+    if kind not in _KINDS[1:]:  # other formats have pages of the same name
+        messages, defects = without_repeated(messages, defects)
+    return CarDatabase(messages, defects, path.name)
 
 
 def _decoded(content: bytes) -> str:
