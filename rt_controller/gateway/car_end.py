@@ -80,6 +80,7 @@ class CarEnd:
         self._inbox = Inbox(Node.VEHICLE, is_fd=is_fd)
         self._outbox = Outbox(bus, Node.VEHICLE, is_fd=is_fd)
         self._is_fd = is_fd
+        self._foreign_commands = 0
         self._history = MotionHistory()
         self._ticks = 0
         self._commands = 0
@@ -99,6 +100,7 @@ class CarEnd:
 
     def accept(self, frame: can.Message, arrival_ns: int) -> None:
         """Keep the values of a frame of the car."""
+        self._foreign_commands += frame.is_rx and self._writer.has(frame)
         values = self.reader.read(frame)
         if values is not None:
             self.samples.add(values, arrival_ns)
@@ -122,6 +124,21 @@ class CarEnd:
         """True if the car was released and `engage` is off: a driver has taken over."""
         is_released = self.command is not None and self.command.content.mode is Mode.STANDBY
         return is_released and self.samples.is_on("mission.engage", now_ns) is False
+
+    @property
+    def foreign_frames(self) -> int:
+        """Frames of this gateway's messages that another node has sent, on either bus."""
+        return self._foreign_commands + self._inbox.foreign_frames
+
+    def follows(self, now_ns: int) -> bool | None:
+        """Whether the car reports that it follows the commands; None: not known.
+
+        A car without such a signal follows.
+        """
+        if not self.samples.has("mission.car_brakes"):
+            return True
+        brakes = self.samples.is_on("mission.car_brakes", now_ns)
+        return None if brakes is None else not brakes
 
     def age_ns(self, now_ns: int) -> int | None:
         """Age of the newest command: since its arrival, or that of the state that it answers."""
@@ -216,8 +233,7 @@ class CarEnd:
             curvature_per_m=place.curvature_per_m,
             sample_time_ns=now_ns,
             command_echo=None if self.command is None else self.command.counter,
-            is_watchdog_braking=self.is_braking
-            or self.samples.is_on("mission.car_brakes", now_ns) is True,
+            is_watchdog_braking=self.is_braking or self.follows(now_ns) is not True,
             refusals=self.refusals,
         )
 

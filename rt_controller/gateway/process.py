@@ -154,6 +154,22 @@ class Gateway:
             age_ns = min(max(age_ns, 0), now_ns - self._last_read_ns)
             self.car_end.accept(frame, now_ns - age_ns)
 
+    def require_alone(self) -> None:
+        """Return if no other node sends the messages of this one, or the car is driven.
+
+        A driven car is braked.
+
+        Raises:
+            BusError: another node does, such as a second gateway or a simulated car.
+        """
+        if self.car_end.foreign_frames and self._mode is Mode.STANDBY:
+            raise BusError(
+                f"Expected that only this gateway sends the messages of the vehicle and the "
+                f"commands for the car, found {self.car_end.foreign_frames} such frames of another "
+                f"node. End the other gateway or simulated car, or disconnect the control unit "
+                f"whose messages this one replaces."
+            )
+
     def tick(self, now_ns: int, skipped: int = 0) -> None:
         """Send the states of one period; brake the car if its commands may not be followed."""
         self.counts.ticks += 1
@@ -226,6 +242,10 @@ class Gateway:
         """None: the commands may be followed on. A driver may steer the car off its path."""
         if is_silent:
             return BrakingCause.NO_COMMAND
+        if self.car_end.follows(now_ns) is None:
+            return BrakingCause.CAR_UNKNOWN
+        if self.car_end.foreign_frames:
+            return BrakingCause.SECOND_SENDER
         command = self.car_end.command
         if command is not None and not self._has_driver(now_ns):
             motion = self._motion._replace(is_mission_on=self._is_driven(now_ns))
@@ -254,7 +274,7 @@ class Gateway:
 
     def _has_driver(self, now_ns: int) -> bool:
         """True if the car reports that it does not follow the commands."""
-        return self.car_end.samples.is_on("mission.car_brakes", now_ns) is True
+        return self.car_end.follows(now_ns) is False
 
     def _stop(self) -> ControlInput:
         """Input of one period of a stop along the path; without one the wheel returns to zero."""
@@ -301,6 +321,7 @@ def run_gateway(gateway: Gateway) -> None:
                 gateway.exchange(clock.now_ns())
             tick = clock.wait()
             gateway.exchange(clock.now_ns())
+            gateway.require_alone()
             gateway.tick(clock.now_ns(), tick.skipped)
         gateway.end()
     except can.CanError as error:

@@ -29,6 +29,7 @@ class Samples:
 
     def __init__(self, slots: Sequence[Slot], sources: Mapping[str, Source]) -> None:
         self._newest: dict[str, tuple[Sample, int]] = {}
+        self._known: dict[str, tuple[float, int]] = {}
         self._delay_ns = {each.name: round(1e9 * each.column.delay_s) for each in slots}
         gaps_s = {each.name: longest_gap_s(each, sources[each.name]) for each in slots}
         self._gap_ns = {name: round(1e9 * gap_s) for name, gap_s in gaps_s.items()}
@@ -38,6 +39,8 @@ class Samples:
         for name, value in values.items():
             sample = Sample(value, arrival_ns - self._delay_ns[name])
             self._newest[name] = sample, arrival_ns
+            if not isnan(value):
+                self._known[name] = value, arrival_ns
 
     def newest(self, name: str, now_ns: int) -> Sample | None:
         """The newest sample of a slot; None: not mapped, none yet, or too old."""
@@ -51,9 +54,14 @@ class Samples:
         return name in self._gap_ns
 
     def is_on(self, name: str, now_ns: int) -> bool | None:
-        """Whether a slot of 0 or 1 is on; None: missing."""
-        found = self.newest(name, now_ns)
-        return None if found is None or isnan(found.value) else found.value > 0.5
+        """Whether a slot of 0 or 1 is on; None: not known.
+
+        A value that is no measurement is bridged as a sample that is lost.
+        """
+        found = self._known.get(name)
+        if found is None or now_ns - found[1] > self._gap_ns[name]:
+            return None
+        return found[0] > 0.5
 
 
 def longest_gap_s(slot: Slot, source: Source) -> float:

@@ -11,6 +11,7 @@ from cantools.database.can import Signal
 
 from rt_controller.mapping.quantity import limits_of
 from rt_controller.mapping.slots import Scaling, Slot
+from rt_controller.mapping.tables import SwitchMapping
 from rt_controller.mapping.value_names import stands_for_no_value
 
 ALLOWED_UNUSABLE_SHARE = 0.01
@@ -32,19 +33,22 @@ class Measurement:
         self._half_lsb = 0.5 * abs(signal.scale)
         names = {int(raw): str(text) for raw, text in (signal.choices or {}).items()}
         self._missing = {raw: text for raw, text in names.items() if stands_for_no_value(text)}
-        off = slot.off
-        if slot.on is not None and off is None:
-            off = frozenset({0, 1, *names} - self._missing.keys()) - slot.on
-        self.off = off
+        on, off = slot.on, slot.off
+        if on is None and isinstance(slot.column, SwitchMapping) and _is_number_of_state(signal):
+            on, off = frozenset({1}), frozenset({0})
+        if on is not None and off is None:
+            off = frozenset({0, 1, *names} - self._missing.keys()) - on
+        self.on, self.off = on, off
         """raw values that mean 0; None: no switch, or one in SI"""
 
     def number(self, raw: float) -> float:
         """In the unit of the DBC; NaN: no measurement. A switch has 1 or 0."""
         self.samples += 1
-        on = self.slot.on
-        if on is not None and raw in on:
+        if self.on is not None and raw in self.on:
             return 1.0
-        number = 0.0 if on is not None else float(raw * self.signal.scale + self.signal.offset)
+        number = 0.0
+        if self.on is None:
+            number = float(raw * self.signal.scale + self.signal.offset)
         reason = self._objection(raw, number)
         if not reason:
             return number
@@ -89,9 +93,19 @@ class Measurement:
 
     def to_si(self, number: float) -> float:
         """The SI value of what `number` returns."""
-        if self.slot.on is not None:
+        if self.on is not None:
             return number
         return self.scaling.factor * number + self.scaling.offset
+
+    def from_si(self, value: float) -> float:
+        """The number in the unit of the DBC for an SI value."""
+        return (value - self.scaling.offset) / self.scaling.factor
+
+
+def _is_number_of_state(signal: Signal) -> bool:
+    """True for a number without a unit that counts states, such as 0 to 3 in two bits."""
+    is_plain = signal.scale == 1 and signal.offset == 0 and not signal.is_float
+    return is_plain and not signal.is_signed and not signal.unit
 
 
 def range_of(signal: Signal) -> tuple[float, float]:

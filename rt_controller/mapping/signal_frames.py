@@ -62,13 +62,12 @@ class _Field(Measurement):
 
     def to_raw(self, value: float) -> float:
         """The raw value that is sent for an SI value."""
-        on, scaling = self.slot.on, self.scaling
-        if on is not None:  # the smallest raw value that means this
-            return min(on) if value > 0.5 else min(self.off or on)
-        number = (value - scaling.offset) / scaling.factor
+        if self.on is not None:  # the smallest raw value that means this
+            return min(self.on) if value > 0.5 else min(self.off or self.on)
+        number = self.from_si(value)
         low, high = range_of(self.signal)
         if self.slot.name == PERIODIC and isfinite(low) and not low <= number <= high:
-            turn = abs(tau / scaling.factor)
+            turn = abs(tau / self.scaling.factor)
             number -= turn * floor((number - low) / turn)
         return _raw(self.signal, number)
 
@@ -189,7 +188,7 @@ class SignalReader:
             return None
         if counter is not None and counter.name in raws:
             number = int(raws[counter.name])  # type: ignore[arg-type]
-            step = 1 if known.last is None else (number - known.last) % (1 << counter.length)
+            step = 1 if known.last is None else (number - known.last) % counts_to(counter)
             if step == 0:
                 counts.repeated += 1
                 return None
@@ -221,6 +220,7 @@ class SignalWriter:
         self._frames: dict[tuple[str, int | None], _Frame] = {}
         self._counters: dict[str, int] = {}
         found = list(_located(slots, database, where))
+        self._identifiers = {(of.frame_id, of.is_extended_frame) for of, _ in found}
         for message, field in found:
             every: set[int | None] = {
                 each.signal.multiplexer_ids[0]
@@ -237,6 +237,10 @@ class SignalWriter:
                     self._frames[key] = frame
                 self._frames[key].fields.append(field)
 
+    def has(self, frame: can.Message) -> bool:
+        """True if this sends messages with the identifier of the frame."""
+        return (frame.arbitration_id, frame.is_extended_id) in self._identifiers
+
     def frames(
         self, values: Mapping[str, float], tick: int, is_driving: bool = True
     ) -> list[can.Message]:
@@ -250,7 +254,7 @@ class SignalWriter:
         frames = []
         for frame in self._frames.values():
             period_s = frame.settings.period_s or (frame.message.cycle_time or 0) / 1e3
-            is_due = tick % max(1, round(period_s / PERIOD_S)) == 0
+            is_due = tick % max(1, int(period_s / PERIOD_S + 1e-6)) == 0
             if is_due and all(isfinite(values[field.slot.name]) for field in frame.fields):
                 frames.append(self._encode(frame, values, is_driving))
         return frames
@@ -264,7 +268,7 @@ class SignalWriter:
             raws[field.signal.name] = field.to_raw(values[field.slot.name])
         if frame.counter is not None:
             counter = self._counters.get(message.name, -1) + 1
-            counter %= 1 << frame.counter.length
+            counter %= counts_to(frame.counter)
             self._counters[message.name] = raws[frame.counter.name] = counter
         data = bytearray(message.encode(raws, scaling=False, strict=False))
         if frame.checksum_place is not None:
@@ -302,6 +306,13 @@ def _require_signal(message: Message, name: str, what: str) -> Signal:
             f"messages.{message.name}.{what}: expected a signal of this message ({names}), found "
             f"{name!r}. Correct the name."
         ) from error
+
+
+def counts_to(counter: Signal) -> int:
+    """Number of values of a counter: those of its range in the DBC, else those of its bits."""
+    every = 1 << counter.length
+    low, high = range_of(counter)
+    return int(high) + 1 if low == 0.0 and 1.0 < high < every else every
 
 
 def _checksum_place(message: Message, checksum: Checksum) -> int:

@@ -273,7 +273,7 @@ class SwitchMapping(SignalMapping):
     """A signal that is on or off."""
 
     on: Annotated[tuple[int, ...], Field(min_length=1)] | None = None
-    """raw values that mean on; None: SI values above 0.5"""
+    """raw values that mean on; None: 1 of a number without unit, else SI values above 0.5"""
     off: Annotated[tuple[int, ...], Field(min_length=1)] | None = None
     """raw values that mean off, all others are not known; None: 0, 1 and the values that the
     DBC names, except those of `on` and those that stand for no value"""

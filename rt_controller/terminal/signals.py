@@ -11,9 +11,10 @@ import can
 from rich.console import Console
 
 from rt_controller.bus.transport import close_bus
-from rt_controller.contract.car import DEFAULT_CAR
+from rt_controller.contract.car import DEFAULT_CAR, UNNAMED_CAR
 from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.figures import require_writable, write_figures
+from rt_controller.gateway.command_check import require_sendable
 from rt_controller.gateway.lateral_speed import choose_car, choose_lateral_speed
 from rt_controller.gateway.process import LEAVING_REQUEST, Gateway, run_gateway
 from rt_controller.gateway.signal_relations import is_contradiction
@@ -53,6 +54,7 @@ def check_at_terminal(
             + ". Name a CAN log (.blf, .asc, .log, .trc), or the bus to listen to."
         )
     car = _read_car(file)
+    require_sendable(car, car.mapping.car.car if car.mapping.car else UNNAMED_CAR)
     pauses_s: list[float] = []
     channel: int | str | None = None  # of a log
     with ExitStack() as opened:
@@ -88,6 +90,7 @@ def gateway_at_terminal(
     car = _read_car(file)
     bundle = load_bundle(find_model(model))
     lateral_speed, description = choose_lateral_speed(car, bundle), choose_car(car, bundle)
+    require_sendable(car, description)
     of_model = (bundle.car or DEFAULT_CAR).own_values
     if description.own_values != of_model:
         show(

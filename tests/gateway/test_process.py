@@ -4,8 +4,13 @@ from math import radians
 
 import pytest
 from car_gateway import GatewayRig, with_period
+from own_car import command_writer, example
 
+from rt_controller.bus.messages import STATE, Node
+from rt_controller.bus.receive import Inbox
+from rt_controller.contract.errors import BusError
 from rt_controller.contract.signals import ControlInput, Mode
+from rt_controller.contract.timing import PERIOD_NS
 from rt_controller.loop import RELEASE_TICKS
 
 CRUISE = ControlInput(0.05, 0.0, 0.02)
@@ -247,3 +252,71 @@ def test_a_car_that_is_not_driven_ends_a_request_at_once(tmp_path):
     assert rig.gateway.has_ended
     rig.gateway.end()
     assert not rig.read()  # a car that was never driven
+
+
+COMMANDS = dict.fromkeys((f"commands.{name}" for name in (*ControlInput._fields, "mode")), 0.0)
+DRIVER_PANEL = 802
+"""with the switches of the car, every 100 ms"""
+
+
+def two_bits(raw):
+    """Changes the bits of DriverOverride."""
+
+    def change(frame):
+        if frame.arbitration_id == DRIVER_PANEL:
+            frame.data[0] = frame.data[0] & ~0b1100 | raw << 2
+        return True
+
+    return change
+
+
+UNREADABLE = {
+    "neither on nor off": two_bits(2),
+    "out of the range of the DBC": two_bits(3),
+    "the message does not come": lambda frame: frame.arbitration_id != DRIVER_PANEL,
+}
+
+
+@pytest.mark.parametrize("reason", UNREADABLE)
+def test_a_driven_car_that_does_not_say_whether_it_follows_is_braked(reason):
+    rig = driven(20)
+    rig.change = UNREADABLE[reason]
+    drive_straight(rig, 60)
+    assert rig.gateway.counts.braked_because == {"CAR_UNKNOWN": 1}
+    assert rig.found["commands.brake_n"] >= 60.0
+
+
+@pytest.mark.parametrize("reason", UNREADABLE)
+def test_a_car_that_does_not_say_whether_it_follows_is_not_handed_over(reason):
+    """The controller drives no vehicle whose watchdog brakes."""
+    rig = GatewayRig()
+    rig.change = UNREADABLE[reason]
+    inbox = Inbox(Node.CONTROLLER)
+    for _ in range(30):
+        rig.drive()
+        for frame in rig.above.frames:
+            inbox.accept(frame, 0)
+    assert inbox.newest(STATE).content.is_watchdog_braking is True
+
+
+def test_a_single_value_that_is_not_known_is_bridged():
+    rig = driven(20)
+    rig.change = two_bits(3)
+    drive_straight(rig, 5)  # one frame of the message
+    rig.change = two_bits(0)
+    drive_straight(rig, 20)
+    assert rig.gateway.counts.brakings == 0
+
+
+def test_another_sender_of_the_same_commands_ends_the_gateway_or_brakes_the_car():
+    (frame, *_) = command_writer(example()).frames(COMMANDS, 0)
+    frame.is_rx = True
+    rig = GatewayRig()
+    rig.gateway.car_end.accept(frame, 0)
+    with pytest.raises(BusError, match="another node"):
+        rig.gateway.require_alone()
+    rig = driven(20)
+    rig.gateway.car_end.accept(frame, 20 * PERIOD_NS)
+    rig.gateway.require_alone()
+    drive_straight(rig, 5)
+    assert rig.gateway.counts.braked_because == {"SECOND_SENDER": 1}

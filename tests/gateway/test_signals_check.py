@@ -7,7 +7,10 @@ import numpy as np
 import pytest
 from own_car import EXAMPLE, VALUES, example, state_writer
 
+from rt_controller.contract.car import UNNAMED_CAR
+from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.limits import DEFAULT_GEOMETRY, UNDERSTEER_RAD_PER_MPS2
+from rt_controller.gateway.command_check import require_sendable
 from rt_controller.gateway.signal_relations import check_relations
 from rt_controller.gateway.signals_check import check_signals
 from rt_controller.mapping.can_log import LoggedFrame
@@ -249,3 +252,112 @@ def test_commands_that_the_car_does_not_follow_are_not_compared(name, value):
     found = relations_of(columns | {f"mission.{name}": np.full(TICKS, value)})
     assert found[0] == []
     assert any(each.startswith("commands.steer_rad") for each in found[1])
+
+
+def in_dbc(tmp_path, *changes):
+    """The example with another DBC."""
+    car, text = changed(tmp_path, "[can]", "[can]"), (tmp_path / "car.dbc").read_text()
+    for old, new in changes:
+        assert old in text
+        text = text.replace(old, new)
+    (tmp_path / "car.dbc").write_text(text)
+    return read_car(car.path)
+
+
+SPEED_SIGNAL = "VehicleSpeed : 7|16@0+ (0.01,0) [0|400]"
+YAW_RATE_SIGNAL = "YawRateRight : 7|16@0- (0.005,0) [-160|160]"
+
+
+@pytest.mark.parametrize(
+    ("change", "signal", "expected"),
+    [
+        (("WheelSpeed: 8", "WheelSpeed: 9"), "states.vx_mps", "have 8 bytes, the DBC says 9"),
+        ((SPEED_SIGNAL, SPEED_SIGNAL.replace("400", "1")), "states.vx_mps", "is a placeholder ([0"),
+        (
+            (YAW_RATE_SIGNAL, YAW_RATE_SIGNAL.replace("-160|160", "0|327.675")),
+            "states.yaw_rate_radps",
+            "is a placeholder (the signal is signed",
+        ),
+        (
+            ("BO_ 291 25;", "BO_ 291 200;"),
+            "states.vx_mps",
+            "a sample every 25 ms, the DBC says 200 ms",
+        ),
+    ],
+)
+def test_a_contradiction_of_bus_and_dbc_is_named_with_both(tmp_path, change, signal, expected):
+    report = check(in_dbc(tmp_path, change), frames())
+    (found,) = (each for each in report.slots if each.signal == signal)
+    assert expected in f"{found.problem}. {found.remedy}"
+
+
+def test_a_plausible_range_of_the_mapping_replaces_that_of_the_dbc(tmp_path):
+    in_dbc(tmp_path, (SPEED_SIGNAL, SPEED_SIGNAL.replace("400", "1")))
+    path = tmp_path / "car.toml"
+    path.write_text(path.read_text().replace(SPEED_COLUMN, f"{SPEED_COLUMN}, plausible = [0, 60]"))
+    assert check(read_car(path), frames()).is_ok
+
+
+def test_a_log_that_begins_before_its_drive_is_judged_from_its_mission_on():
+    writer, early = state_writer(example()), []
+    for tick in range(100):
+        values = {**VALUES, "mission.engage": 0.0, "states.vx_mps": 0.0}
+        for frame in writer.frames(values, tick):
+            frame.timestamp = 0.025 * tick - 2.5
+            if frame.arbitration_id == 0x18FF0500:
+                frame.data[:2] = b"\x7f\xff"  # a yaw rate out of its range
+            early.append(LoggedFrame(len(early) + 1, frame, "0"))
+    report = check(example(), early + frames())
+    assert report.is_ok, problems(report)
+    assert "cannot be used" in problems(check(example(), early))["states.yaw_rate_radps"]
+
+
+@pytest.mark.parametrize(("factor", "hint"), [(-1.0, "try sign = -1"), (0.1, "try factor = 9.9")])
+def test_a_contradicted_relation_says_by_how_much(factor, hint):
+    tracks = {
+        name: list(zip(STEP_S * np.arange(TICKS), values, strict=True))
+        for name, values in slalom_drive().items()
+    }
+    tracks["states.epsi_rad"] = [(t, factor * x) for t, x in tracks["states.epsi_rad"]]
+    answer = check_relations(tracks, None)["slope of epsi_rad = yaw rate - curvature * v_x"]
+    assert answer.startswith("yes")
+    assert hint in answer
+
+
+def test_the_load_of_the_bus_is_given():
+    report = check(example(), frames())
+    sent = frames()
+    bits = sum((67 if f.frame.is_extended_id else 47) + 8 * len(f.frame.data) for f in sent)
+    assert report.bus_load_percent == pytest.approx(100.0 * bits / 500e3 / sent[-1].frame.timestamp)
+
+
+WHEEL = "WheelRequestRight m1 : 24|16@1- (0.02,0) [-600|600]"
+
+
+@pytest.mark.parametrize(
+    ("changes", "expected"),
+    [
+        ([], None),
+        ([(WHEEL, WHEEL.replace("-600|600", "0|0"))], None),  # no range, and bits for ±655 deg
+        ([(WHEEL, WHEEL.replace("-600|600", "0|1"))], "may have 0 to 1 deg, .* -40 to 40 deg"),
+        ([(WHEEL, WHEEL.replace("-600|600", "-30|30"))], "may have -30 to 30 deg"),
+        ([(WHEEL, WHEEL.replace("24|16@1-", "24|11@1-"))], "may have -20.48 to 20.46 deg"),
+        ([(WHEEL, WHEEL.replace("16@1-", "16@1+").replace("-600", "0"))], "may have 0 to 600"),
+        ([("BO_ 2566919168 25;", "BO_ 2566919168 10;")], "every 10 ms, the gateway .* 25 ms"),
+    ],
+)
+def test_commands_that_the_dbc_does_not_allow_are_refused_before_the_drive(
+    tmp_path, changes, expected
+):
+    car = in_dbc(tmp_path, *changes) if changes else example()
+    if expected is None:
+        require_sendable(car, UNNAMED_CAR)
+    else:
+        with pytest.raises(ConfigError, match=f"(?s){expected}"):
+            require_sendable(car, UNNAMED_CAR)
+
+
+def test_a_signal_with_two_tasks_in_a_message_is_refused(tmp_path):
+    car = changed(tmp_path, 'counter = "RequestCounter"', 'counter = "RequestChecksum"')
+    with pytest.raises(ConfigError, match="RequestChecksum, found the checksum and the counter"):
+        require_sendable(car, UNNAMED_CAR)

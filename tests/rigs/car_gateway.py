@@ -53,6 +53,8 @@ class GatewayRig:
         self.commands = FrameQueue()
         self.sender = Outbox(self.commands, Node.CONTROLLER)
         self.values = dict(VALUES)
+        self.change = lambda frame: True
+        """changes a frame of the car; False: it is lost"""
         self.found = {}
         """newest values that the car received"""
         self.tick = 0
@@ -61,7 +63,8 @@ class GatewayRig:
         """One period; the newest values that the car received."""
         now_ns = self.tick * PERIOD_NS
         if not is_car_silent:
-            self.below.waiting = self.writer.frames(self.values, self.tick)
+            sent = self.writer.frames(self.values, self.tick)
+            self.below.waiting = [frame for frame in sent if self.change(frame)]
         if command is not None:
             send_command(self.sender, command, self.tick, mode)
             self.above.waiting += self.commands.frames

@@ -100,8 +100,8 @@ class Log:
             if len(backwards):
                 k = int(backwards[0]) + 1
                 raise DatasetError(
-                    f"{each.place_of(k)}: expected time to increase, found {each.t_s[k]:.10g} s "
-                    f"after {each.t_s[k - 1]:.10g} s ({len(backwards)} such places). {BACKWARDS}"
+                    f"{each.place_of(k)}: expected time to increase, found {each.t_s[k]:.6f} s "
+                    f"after {each.t_s[k - 1]:.6f} s ({len(backwards)} such places). {BACKWARDS}"
                 )
 
     def channel(self, *names: str, file: str | None = None) -> Series:

@@ -1,19 +1,24 @@
 """Logs of every format are read with times, units and row numbers, or refused with the place."""
 
 import gzip
+from contextlib import suppress
 
 import can
 import numpy as np
 import pyarrow as pa
 import pytest
 from asammdf import MDF, Signal
+from own_car import EXAMPLE, VALUES, example, state_writer
 from pyarrow import parquet
 from scipy.io import savemat
 
-from offline.logs.mapping import CsvSettings
+from offline.logs.mapping import CsvSettings, read_mapping
 from offline.logs.readers.formats import read_file
 from offline.logs.readers.log import Request
 from rt_controller.contract.errors import ConfigError, DatasetError
+from rt_controller.gateway.signals_check import check_signals
+from rt_controller.mapping.can_log import read_frames
+from rt_controller.mapping.car_file import read_car
 from rt_controller.mapping.slots import Slot
 from rt_controller.mapping.tables import CanSettings, Clock, ColumnMapping
 
@@ -434,3 +439,44 @@ def test_an_asc_without_its_last_line_is_refused(tmp_path, settings):
     path.write_bytes(path.read_bytes().replace(b"End TriggerBlock\n", b""))
     with pytest.raises(DatasetError, match="a last line 'End TriggerBlock'"):
         read(path, "Speed", can=settings)
+
+
+def damaged_drive(path, seed):
+    """A log of the example's car, with everything that makes a sample none."""
+    rng, writer = np.random.default_rng(seed), state_writer(example())
+    with can.Logger(path) as log:
+        for tick in range(160):
+            for frame in writer.frames(VALUES, tick):
+                frame.timestamp = 0.025 * tick + 1e-5 * (frame.arbitration_id % 7)
+                damage = rng.integers(12)
+                if damage == 0:
+                    frame.data[: len(frame.data) // 2] = bytes(
+                        rng.integers(256, size=len(frame.data) // 2).tolist()
+                    )
+                elif damage == 1 and tick > 100:
+                    frame.data, frame.dlc = frame.data[:-1], frame.dlc - 1
+                if damage != 2:
+                    log(frame)
+
+
+@pytest.mark.parametrize("suffix", [".log", ".blf"])
+@pytest.mark.parametrize("seed", range(2))
+def test_import_and_signals_check_use_the_same_samples(tmp_path, suffix, seed):
+    damaged_drive(path := tmp_path / f"a{suffix}", seed)
+    for name in ("car.dbc", "line.csv"):
+        (tmp_path / name).write_text((EXAMPLE.parent / name).read_text())
+    text = EXAMPLE.read_text().replace('engage = { column = "AutopilotSwitch" }', "engage = true")
+    (tmp_path / "car.toml").write_text(text)  # the check judges the whole log
+    mapping, _ = read_mapping(tmp_path / "car.toml")
+    report = check_signals(read_car(tmp_path / "car.toml"), read_frames(path, ""), str(path))
+    checked = {each.column: each for each in report.slots}
+    for slot in mapping.slots:
+        found = checked[slot.column.column]
+        request = Request(path, [slot.column.names], STAMPED, can=mapping.can, slots=[slot])
+        request = request._replace(messages=mapping.messages)
+        if found.problem and "gap" not in found.problem:
+            with suppress(DatasetError):  # too many of the samples are none
+                assert len(read_file(request).channels[0].values) == found.samples - found.unusable
+        else:
+            (series,) = read_file(request).channels
+            assert len(series.values) == found.samples - found.unusable
