@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Literal, get_args
 from pydantic import Field, PositiveInt, field_validator
 
 from rt_controller.contract.limits import LEAST_FRICTION, MOST_FRICTION
-from rt_controller.contract.names import name_or
+from rt_controller.contract.names import name_or, split_roads
 from rt_controller.settings_table import Settings
 
 if TYPE_CHECKING:
@@ -110,8 +110,8 @@ class CarSettings(Settings):
     @field_validator("scenario")
     @classmethod
     def _require_scenario(cls, found: str) -> str:
-        path = Path(found.partition("#")[0])  # map.xodr#ROAD names a road of a map
-        if not (path.suffix in SCENARIO_SUFFIXES and path.is_file()):
+        path = Path(split_roads(found)[0])
+        if not (path.suffix.lower() in SCENARIO_SUFFIXES and path.is_file()):
             otherwise = f"the path of a {', '.join(SCENARIO_SUFFIXES)} file that exists"
             _require_shipped(found, get_args(ShippedScenario), otherwise)
         return found

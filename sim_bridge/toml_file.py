@@ -60,7 +60,7 @@ def read_shipped_or_own(name_or_path: str | Path, folder: str, kind: str) -> str
     name = str(name_or_path)
     if name in shipped_names(folder):
         return (resources.files("sim_bridge") / folder / f"{name}.toml").read_text("utf-8")
-    if not name.endswith(".toml"):
+    if not name.lower().endswith(".toml"):
         shipped = shipped_names(folder)
         raise ConfigError(
             f"{kind} {name!r}: expected one of {', '.join(shipped)} or the path of a "

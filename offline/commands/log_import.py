@@ -23,8 +23,9 @@ from offline.logs.episode import (
 from offline.logs.inspection import inspect_drives, report_tables, require_episodes, summary
 from offline.logs.mapping import read_mapping
 from offline.logs.readers.source import find_logs, read_log, source_file, source_files
+from offline.logs.repeated import find_repeated
 from offline.logs.series import to_drive
-from rt_controller.contract.errors import ConfigError
+from rt_controller.contract.errors import ConfigError, DatasetError
 from rt_controller.contract.signals import VEHICLE, Schema
 from rt_controller.mapping.reference_line import read_line
 from rt_controller.report.table import print_table
@@ -41,7 +42,8 @@ def import_logs(
 
     Raises:
         ConfigError: the mapping is wrong, or the folder has a data set already.
-        DatasetError: a log is damaged, or fails a check.
+        DatasetError: a log is damaged, or fails a check; or logs with the same samples would
+            become one data set, where they are in several parts.
     """
     if folder is not None and exists(folder) and not replace:
         raise ConfigError(
@@ -55,6 +57,10 @@ def import_logs(
         for each in found:
             status.update(f"reading {each.name}")
             drives.append(to_drive(read_log(each, mapping), mapping))
+        status.update("comparing the logs")
+        repeated = find_repeated(drives, mapping.period_s)
+        if repeated and folder is not None and not mapping.checks.accept_repeated:
+            raise DatasetError("expected different drives, found that " + "\n".join(repeated))
         status.update("cutting into episodes")
         line = read_line(mapping.pose) if mapping.pose else None
         cuts = [cut_drive(drive, mapping, line) for drive in drives]
@@ -68,10 +74,23 @@ def import_logs(
         report = inspect_drives(drives, cuts, slices, part, mapping, schema)
     for table in report_tables(report):
         print_table(table, STDOUT)
+    for sentence in repeated:
+        STDOUT.print(f"note: {sentence}", soft_wrap=True, markup=False, highlight=False)
+    if mapping.can is not None:
+        from rt_controller.mapping.car_file import load_dbc  # cantools, for CAN logs only
+
+        if note := load_dbc(mapping.can.dbc).note:
+            STDOUT.print(f"note: {note}", soft_wrap=True, markup=False)
     for sentence in (summary(report), *_limits_of_use(schema)):
         STDOUT.print(sentence)
     others = [mapping.pose and mapping.pose.reference_line, mapping.can and mapping.can.dbc]
-    figures = {"folder": None, "sha256": None, "car": CAR_OF_LOGS, **report}
+    figures = {
+        "folder": None,
+        "sha256": None,
+        "car": CAR_OF_LOGS,
+        "repeated": repeated,
+        **report,
+    }
     if folder is not None:
         dataset = save_dataset(
             folder,

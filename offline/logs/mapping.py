@@ -80,6 +80,8 @@ class ChecksSettings(MappingTable):
     """Which checks only report, and what else there is to compare with."""
 
     accept_units: bool = False
+    accept_repeated: bool = False
+    """stretches that two logs have in common"""
     signals: dict[str, SignalMapping] = Field(default_factory=dict)
     """second measurements of the motion; no part of the data set"""
 

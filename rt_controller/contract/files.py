@@ -5,6 +5,7 @@ compared. Here every member is read to its end first, so a flipped bit in the nu
 noticed.
 """
 
+import codecs
 import errno
 import io
 import os
@@ -120,17 +121,17 @@ def open_regular(path: Path, largest_bytes: int | None = None) -> BinaryIO:
 
 
 def read_text(path: Path, errors: str = "strict") -> str:
-    """The text of a file in UTF-8, with or without a byte order mark, and with any line ends.
+    """The text of a file in UTF-8, or in UTF-16 with its byte order mark, with any line ends.
 
     Raises:
         OSError: it cannot be opened, is no regular file, or is larger than `LARGEST_TEXT_BYTES`.
         UnicodeDecodeError: it is not UTF-8, and `errors` is "strict".
     """
-    with (
-        open_regular(path, LARGEST_TEXT_BYTES) as file,
-        io.TextIOWrapper(file, encoding="utf-8-sig", errors=errors) as text,
-    ):
-        return text.read()
+    with open_regular(path, LARGEST_TEXT_BYTES) as file:
+        is_utf16 = file.read(2) in (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
+        file.seek(0)
+        with io.TextIOWrapper(file, "utf-16" if is_utf16 else "utf-8-sig", errors) as text:
+            return text.read()
 
 
 def _too_large(largest_bytes: int, found_bytes: int) -> str:

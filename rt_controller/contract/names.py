@@ -1,11 +1,22 @@
-"""Messages for a name that is not known."""
+"""Messages for a name that is not known, and the name of a map with roads."""
 
+import re
 from collections.abc import Collection, Sequence
 from difflib import get_close_matches
 
 MODEL_FOLDER = "a folder that offline-export wrote"
 """what a model may be that is not a shipped one"""
 SHOWN_COLUMNS = 40
+_ROADS_OF_MAP = re.compile(r"(.*\.xodr)#(?!.*\.(?:toml|xodr)$)([^/\\]*)", re.I | re.S)
+
+
+def split_roads(name: str) -> tuple[str, str]:
+    """The path of a map and the roads behind it (map.xodr#ROAD,ROAD), or the name and "".
+
+    Only behind .xodr a # separates; elsewhere it is a part of the path.
+    """
+    found = _ROADS_OF_MAP.fullmatch(name)
+    return (found[1], found[2]) if found else (name, "")
 
 
 def hint(found: str, names: Collection[str]) -> str:

@@ -133,7 +133,7 @@ def read_samples(
 
 def _candump_frames(path: Path, remedy: str) -> Iterator[LoggedFrame]:
     """Those of a candump log; python-can would take error frames of most classes for data."""
-    with path.open(encoding="utf-8", errors="replace") as lines:
+    with path.open(encoding="utf-8-sig", errors="replace") as lines:
         for number, line in enumerate(lines, start=1):
             if not line.strip():
                 continue

@@ -3,6 +3,10 @@
 A column is a signal's name, or "Message.Signal" if several messages have a signal of that name.
 """
 
+import codecs
+import logging
+from collections.abc import Sequence
+from functools import lru_cache
 from pathlib import Path
 from typing import NamedTuple
 
@@ -13,9 +17,12 @@ from pydantic import TypeAdapter
 from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.files import LARGEST_TEXT_BYTES, open_regular, read_text
 from rt_controller.contract.names import columns_of
+from rt_controller.mapping.dbc_text import Defect, read_messages, without_repeated
 from rt_controller.mapping.reference_line import ReferenceLine, read_line
 from rt_controller.mapping.tables import DrivingMapping
 from rt_controller.mapping.toml_file import parse
+
+_KINDS = ("dbc", "kcd", "sym", "arxml")
 
 
 class Source(NamedTuple):
@@ -25,23 +32,34 @@ class Source(NamedTuple):
     signal: Signal
 
 
-def load_dbc(path: Path) -> Database:
+class CarDatabase(Database):
+    """The messages of a DBC that can be read, and why the others cannot."""
+
+    def __init__(self, messages: list[Message], defects: Sequence[Defect], where: str) -> None:
+        super().__init__(messages)
+        self.defects = {each.message: each for each in defects}
+        """by name of the message"""
+        self.note = ""
+        """one line for the user if there are defects"""
+        if defects:
+            count, first = len(messages) + len(defects), defects[0]
+            self.note = (
+                f"{where}: {len(defects)} of {count} messages cannot be read (first: "
+                f"{first.message}: {first.reason}); they are not mapped"
+            )
+
+
+def load_dbc(path: Path) -> CarDatabase:
     """The database of a DBC (or of another file that cantools reads).
+
+    A defect in one message of a DBC does not refuse the others; see `CarDatabase.defects`.
 
     Raises:
         ConfigError: the file is missing or cannot be parsed.
     """
-    found = "a database of another kind"
     try:
         with open_regular(path, LARGEST_TEXT_BYTES) as opened:
-            text = opened.read()
-        # Some editors write UTF-8 instead of the encoding of DBC files.
-        encoding = None
-        if path.suffix.lower() == ".dbc":
-            encoding = "cp1252" if "\ufffd" in text.decode("utf-8", "replace") else "utf-8"
-        database = cantools.database.load_file(path, encoding=encoding)
-        if isinstance(database, Database):
-            return database
+            return _parsed(path, opened.read())
     except OSError as error:
         found = f"nothing readable ({error.strerror})"
     except (cantools.Error, ValueError) as error:
@@ -49,29 +67,78 @@ def load_dbc(path: Path) -> Database:
     raise ConfigError(f"{path}: expected a DBC, found {found}. Correct [can] dbc.")
 
 
+@lru_cache(maxsize=2)
+def _parsed(path: Path, content: bytes) -> CarDatabase:
+    """The database of a file; cached because each log of an import asks for it."""
+    text, defects = _decoded(content), list[Defect]()
+    # It warns of identifiers and names that occur twice, also of messages that are not mapped.
+    logging.getLogger("cantools").setLevel(logging.ERROR)
+    kind = path.suffix.lower().removeprefix(".")
+    try:
+        database = cantools.database.load_string(text, kind if kind in _KINDS else None)
+        if not isinstance(database, Database):
+            raise ValueError("a database of another kind")
+        messages = database.messages
+    except cantools.Error:
+        if kind in _KINDS[1:]:
+            raise
+        messages, defects = read_messages(text)
+        if not messages and not defects:
+            raise
+    if kind not in _KINDS[1:]:  # other formats have pages of the same name
+        messages, defects = without_repeated(messages, defects)
+    return CarDatabase(messages, defects, path.name)
+
+
+def _decoded(content: bytes) -> str:
+    """The text; some editors write UTF-8 or UTF-16 instead of the encoding of DBC files."""
+    if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        text = content.decode("utf-16", "replace")
+    else:
+        try:
+            text = content.decode("utf-8-sig")
+        except UnicodeDecodeError:
+            text = content.decode("cp1252", "replace")
+    return text.replace("\r\n", "\n").replace("\r", "\n")
+
+
 def find_source(where: str, database: Database, column: str) -> Source:
     """The signal that a column of the mapping names.
 
     Raises:
-        ConfigError: none or several have this name; the message starts with `where`.
+        ConfigError: none or several have this name, or its message has a defect; the text starts
+            with `where`.
     """
+    defects = database.defects if isinstance(database, CarDatabase) else {}
     known = {
         f"{message.name}.{signal.name}": Source(message, signal)
         for message in database.messages
         for signal in message.signals
     }
+    unread = {f"{m}.{name}": name for m, each in defects.items() for name in each.signals}
     fits = [name for name, (_, signal) in known.items() if column in (name, signal.name)]
-    if len(fits) == 1:
+    fits += [name for name, signal in unread.items() if column in (name, signal)]
+    if len(fits) == 1 and fits[0] in known:
         return known[fits[0]]
-    if fits:
+    if len(fits) > 1:
         raise ConfigError(
             f"{where}, column {column}: expected a signal of one message, found it in "
             f"{len(fits)}. Write one of {', '.join(fits)} in the mapping."
         )
+    message = (fits or [column])[0].partition(".")[0]
+    if message in defects:
+        raise ConfigError(f"{where}, column {column}: {_explain(defects[message])}")
     names = [*known, *(signal.name for _, signal in known.values())]
     raise ConfigError(
         f"{where}: expected a column {column!r}, found none of that name. "
         f"{columns_of('DBC', column, names)} Name the column in the mapping as the DBC does."
+    )
+
+
+def _explain(defect: Defect) -> str:
+    return (
+        f"expected a message that can be read, found {defect.message}: {defect.reason}. Correct "
+        f"it in the DBC; messages that are not mapped may stay as they are."
     )
 
 
@@ -80,7 +147,7 @@ class CarFile(NamedTuple):
 
     path: Path
     mapping: DrivingMapping
-    database: Database
+    database: CarDatabase
     line: ReferenceLine | None
 
 
@@ -103,6 +170,9 @@ def read_car(path: Path) -> CarFile:
     database = load_dbc(mapping.can.dbc)
     known = {message.name for message in database.messages}
     unknown = [name for name in mapping.messages if name not in known]
+    for name in unknown:
+        if name in database.defects:
+            raise ConfigError(f"{path}: messages.{name}: {_explain(database.defects[name])}")
     if unknown:
         raise ConfigError(
             f"{path}: messages: expected names of messages of {mapping.can.dbc.name}, found "

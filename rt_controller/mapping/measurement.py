@@ -4,7 +4,6 @@ Import, `rt-controller signals check` and gateway decide it here, so that a gap 
 gap in all.
 """
 
-import re
 from collections import Counter
 from math import inf, isfinite, nan
 
@@ -13,15 +12,7 @@ from cantools.database.can import Signal
 from rt_controller.mapping.quantity import limits_of
 from rt_controller.mapping.slots import Scaling, Slot
 from rt_controller.mapping.tables import SwitchMapping
-
-_MISSING = re.compile("notavailable|sna|invalid|error|fault")
-"""names of raw values, without blanks and underscores, that stand for no value"""
-
-
-def stands_for_no_value(text: str) -> bool:
-    """True if a DBC names a raw value so because the car then has no value."""
-    return _MISSING.search(re.sub("[_ ]", "", text.lower())) is not None
-
+from rt_controller.mapping.value_names import stands_for_no_value
 
 ALLOWED_UNUSABLE_SHARE = 0.01
 """share of samples that may be no measurements"""

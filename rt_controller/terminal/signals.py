@@ -20,7 +20,7 @@ from rt_controller.gateway.process import LEAVING_REQUEST, Gateway, run_gateway
 from rt_controller.gateway.signal_relations import is_contradiction
 from rt_controller.gateway.signals_check import BIT_RATE, HELP, CheckReport, check_signals
 from rt_controller.mapping.can_log import LoggedFrame, read_frames
-from rt_controller.mapping.car_file import read_car
+from rt_controller.mapping.car_file import CarFile, read_car
 from rt_controller.model.artifact import find_model, load_bundle
 from rt_controller.realtime.scheduling import real_time_process, set_thread_priority
 from rt_controller.report.table import Cell, Column, Table, format_number, print_table
@@ -53,7 +53,7 @@ def check_at_terminal(
             + ("both" if log is not None else "neither")
             + ". Name a CAN log (.blf, .asc, .log, .trc), or the bus to listen to."
         )
-    car = read_car(file)
+    car = _read_car(file)
     require_sendable(car, car.mapping.car.car if car.mapping.car else UNNAMED_CAR)
     pauses_s: list[float] = []
     channel: int | str | None = None  # of a log
@@ -87,7 +87,7 @@ def gateway_at_terminal(
 ) -> int:
     """Translate until Ctrl-C."""
     require_writable(json_file)
-    car = read_car(file)
+    car = _read_car(file)
     bundle = load_bundle(find_model(model))
     lateral_speed, description = choose_lateral_speed(car, bundle), choose_car(car, bundle)
     require_sendable(car, description)
@@ -118,6 +118,13 @@ def gateway_at_terminal(
     Console().print("  ".join(f"{name} {value}" for name, value in shown.items()))
     write_figures(json_file, figures)
     return INTERRUPTED if gateway.requests >= LEAVING_REQUEST else 0
+
+
+def _read_car(file: Path) -> CarFile:
+    car = read_car(file)
+    if car.database.note:
+        show(f"note: {car.database.note}")
+    return car
 
 
 def _listen(bus: can.BusABC, listen_s: float, pauses_s: list[float]) -> Iterator[LoggedFrame]:

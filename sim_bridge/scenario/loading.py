@@ -14,6 +14,7 @@ from pydantic import ValidationError
 
 from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.files import read_text
+from rt_controller.contract.names import split_roads
 from rt_controller.contract.settings_errors import LISTED_ERRORS, dotted, explain_field, unlisted
 from sim_bridge.faults.fault import FaultFile, late_faults
 from sim_bridge.scenario.checks import problems
@@ -43,8 +44,8 @@ def load_scenario(name_or_path: str) -> Scenario:
             or do not fit each other. The message names all such fields that a step of the check
             finds.
     """
-    path, _, roads = name_or_path.partition("#")
-    if path.endswith(".xodr"):
+    path, roads = split_roads(name_or_path)
+    if path.lower().endswith(".xodr"):
         return _checked(name_or_path, {}, lambda: scenario_of_map(Path(path), roads))
     where = f"scenario {name_or_path}"
     raw = _toml(where, read_shipped_or_own(name_or_path, SCENARIOS_FOLDER, "scenario"))

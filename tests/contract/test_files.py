@@ -190,3 +190,9 @@ def test_an_extra_is_installed_into_a_checkout_or_by_the_name_of_the_package(mon
     assert errors.install_command("logs,report") == 'pip install "rt-controller[logs,report]"'
     (tmp_path / "pyproject.toml").touch()
     assert errors.install_command("offline") == 'pip install -e ".[offline]"'
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16"])
+def test_a_text_is_read_with_or_without_a_byte_order_mark(tmp_path, encoding):
+    (tmp_path / "a.csv").write_bytes("x, °\r\n1\n".encode(encoding))
+    assert read_text(tmp_path / "a.csv") == "x, °\n1\n"

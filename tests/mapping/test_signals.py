@@ -261,12 +261,105 @@ def test_a_mapping_for_driving_is_refused_with_what_is_missing(tmp_path, old, ne
         read_car(tmp_path / "none.toml")
 
 
-@pytest.mark.parametrize("encoding", ["cp1252", "utf-8"])
-def test_a_unit_is_read_in_either_encoding_of_a_dbc(tmp_path, encoding):
+INERTIAL = 'BO_ 291 Inertial: 8 CAR\n SG_ YawRate : 7|16@0- (0.01,0) [-300|300] "°/s" CAR\n'
+RADIO = 'BO_ 900 Radio: 8 CAR\n SG_ Volume : 0|8@1+ (1,0) [0|100] "" CAR\n'
+MEANING = """
+BA_DEF_ BO_ "GenMsgCycleTime" INT 0 1000;
+BA_DEF_DEF_ "GenMsgCycleTime" 0;
+BA_ "GenMsgCycleTime" BO_ 291 20;
+SIG_VALTYPE_ 900 Volume : 0;
+VAL_ 291 YawRate -32768 "SNA" ;
+"""
+
+
+@pytest.mark.parametrize("encoding", ["cp1252", "latin-1", "utf-8", "utf-8-sig", "utf-16"])
+@pytest.mark.parametrize("ending", ["\n", "\r\n"])
+def test_a_unit_is_read_in_any_encoding_of_a_dbc(tmp_path, encoding, ending):
     path = tmp_path / "car.dbc"
-    message = 'BO_ 291 Inertial: 8 CAR\n SG_ YawRate : 7|16@0- (0.01,0) [-300|300] "°/s" CAR\n'
-    path.write_bytes(f'VERSION ""\nBU_: CAR\n{message}'.encode(encoding))
+    text = f'VERSION ""\nBU_: CAR\n{INERTIAL}'.replace("\n", ending)
+    path.write_bytes(text.encode(encoding))
     assert find_source("here", load_dbc(path), "YawRate").signal.unit == "°/s"
+
+
+SELECTED = """ SG_ Volume M : 0|8@1+ (1,0) [0|100] "" CAR
+ SG_ Level m0 : 8|8@1+ (1,0) [0|100] "" CAR
+ SG_ Level m1 : 8|16@1+ (1,0) [0|100] "" CAR
+"""
+VOLUME = ' SG_ Volume : 0|8@1+ (1,0) [0|100] "" CAR\n'
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "reason"),
+    [
+        (VOLUME, f'{VOLUME} SG_ Station : 4|8@1+ (1,0) [0|1] "" CAR\n', "are overlapping"),
+        ("BO_ 900", "BO_ 71303219", "more than 11 bits"),
+        ("0|8@1+", "60|8@1+", "does not fit in message"),
+        ("Radio: 8", "Radio: eight", "syntax error at >>!<<"),
+        (" Radio: 8", " 2_Radio: 8", "syntax error at >>!<<"),
+        ("(1,0) [0|100]", "(.5,0) [0|100]", "syntax error at >>!<<"),
+        (VOLUME, f"BUMPS_ 3\n{VOLUME}", "syntax error at >>!<<"),
+        (VOLUME, SELECTED, "several signals Level"),
+        (RADIO, RADIO + RADIO.replace("900", "901"), "several messages of this name"),
+        (RADIO, f'{RADIO}\nVAL_ 900 Volume 0 "off" 1 on ;\n', "syntax error at >>!<<"),
+    ],
+)
+def test_a_defect_of_a_message_is_its_own(tmp_path, old, new, reason):
+    path = tmp_path / "car.dbc"
+    text = f'VERSION ""\nBU_: CAR\n{INERTIAL}\n{RADIO}\nVAL_ 900 Volume 255 "error" ;{MEANING}'
+    assert old in text
+    path.write_text(text.replace(old, new), "cp1252")
+    database = load_dbc(path)
+    name = "2_Radio" if "2_Radio" in new else "Radio"
+    assert database.note.startswith(f"car.dbc: 1 of 2 messages cannot be read (first: {name}: ")
+    assert database.note.endswith("; they are not mapped")
+    message, signal = find_source("here", database, "YawRate")
+    assert message.cycle_time == 20
+    assert str(signal.choices[-32768]) == "SNA"
+    for column in ("Volume", f"{name}.Volume", f"{name}.Other"):
+        with pytest.raises(ConfigError) as refused:
+            find_source("here", database, column)
+        assert f"found {name}: " in str(refused.value)
+        assert reason in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    "defect",
+    [
+        'VAL_ 291 Missing 0 "off" 1 "on" ;',
+        'VAL_ 292 YawRate 0 "off" 1 "on" ;',
+        "SIG_VALTYPE_ 291 Missing : 1;",
+        'CM_ SG_ 291 "no signal";',
+        'CM_ BO_ 291 "a "word" in quotes";',
+        'CM_ BO_ 291 "has no end;',
+        'CM_ BO_ 291 "lines\nBO_ 900 Radio: 8 CAR\n SG_ YawRate : 0|9@1+ (1,0) [0|1] \\"\\" CAR";x',
+        'BA_ "NeverDefined" BO_ 291 3;',
+        'BA_DEF_ BO_ "GenMsgSendType" ENUM ;\nBA_ "GenMsgSendType" BO_ 291 7;',
+        "EV_ Door: 0 [0|1] 0 DUMMY;",
+        "SIG_GROUP_ 291 Group : YawRate;",
+        "NEW_STATEMENT_ 291 3;",
+        "BU_: CAR ; CAR",
+        "VERSION 3",
+        'BA_DEF_ SG_ "GenSigStartValue" STRING ;\nBA_ "GenSigStartValue" SG_ 291 YawRate "x";',
+    ],
+)
+def test_a_defect_beside_the_messages_is_none_of_theirs(tmp_path, defect):
+    path = tmp_path / "car.dbc"
+    path.write_text(f"BU_: CAR\n{INERTIAL}\n{defect}\n\n{RADIO}{MEANING}", "cp1252")
+    database = load_dbc(path)
+    assert database.note == ""
+    assert {message.name for message in database.messages} == {"Inertial", "Radio"}
+    message, signal = find_source("here", database, "Inertial.YawRate")
+    assert (signal.length, str(signal.choices[-32768])) == (16, "SNA")
+    assert message.cycle_time == (None if "StartValue" in defect else 20)
+
+
+def test_a_mapped_message_with_a_defect_is_refused_with_its_reason(tmp_path):
+    for name in ("car.dbc", "line.csv", "car.toml"):
+        (tmp_path / name).write_bytes((EXAMPLE.parent / name).read_bytes())
+    dbc = tmp_path / "car.dbc"
+    dbc.write_text(dbc.read_text().replace("WheelSpeed: 8", "WheelSpeed: 1"))
+    with pytest.raises(ConfigError, match=r"messages\.WheelSpeed: expected a message that can be"):
+        read_car(tmp_path / "car.toml")
 
 
 @pytest.mark.parametrize(

@@ -1,5 +1,6 @@
 """OpenDRIVE maps: geometry as curvature, elevation, chains of roads, and what is refused."""
 
+from importlib.resources import files
 from pathlib import Path
 
 import numpy as np
@@ -7,6 +8,7 @@ import pytest
 from made_maps import ARC, LINE, SPIRAL, end_of, road, write_map
 
 from rt_controller.contract.errors import ConfigError
+from rt_controller.settings import CarSettings
 from sim_bridge.scenario import load_scenario, opendrive, parse_scenario
 from sim_bridge.scenario.opendrive import read_reference_line
 
@@ -114,6 +116,28 @@ def test_a_map_is_a_scenario(simple: Path) -> None:
     assert scenario.road.length_m == 230.0
     assert scenario.start.speed_mps == pytest.approx(50.0 / 3.6)
     assert scenario.duration_s * scenario.start.speed_mps > 230.0
+
+
+@pytest.mark.parametrize(
+    ("name", "roads"),
+    [
+        ("proj#2/map.xodr", "#1"),
+        ("a.xodr#b/MAP.XODR", "#1"),
+        ("map#2.xodr", ""),
+        ("map.xodr#2.xodr", "#1"),
+        ("proj#2/drive#1.toml", ""),
+        ("map.xodr#2.toml", ""),
+    ],
+)
+def test_only_behind_a_map_a_hash_separates_roads(tmp_path: Path, name: str, roads: str) -> None:
+    path = tmp_path / name
+    path.parent.mkdir(exist_ok=True)
+    write_map(path, road([(230.0, LINE)]))
+    if path.suffix == ".toml":
+        shipped = files("sim_bridge") / "scenarios" / "straight.toml"
+        path.write_text(shipped.read_text("utf-8"))
+    settings = CarSettings(scenario=f"{path}{roads}")
+    assert load_scenario(settings.scenario).road.length_m >= 230.0
 
 
 def test_a_file_of_format_2_takes_its_road_from_a_map(simple: Path) -> None:

@@ -1,7 +1,10 @@
 """The formats of logs: one function each, in one table by the ending of the file."""
 
 import logging
+import re
+from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping
+from itertools import count
 from typing import Any
 
 import numpy as np
@@ -12,6 +15,7 @@ from offline.logs.readers.csv_log import OPENERS, read_csv
 from offline.logs.readers.log import Log, Names, Request, Series, find_headings
 from rt_controller.contract.errors import DatasetError, RtControllerError, require_packages
 from rt_controller.contract.files import read_arrays
+from rt_controller.mapping.value_names import stands_for_no_value
 
 
 def read_file(ask: Request) -> Log:
@@ -178,16 +182,84 @@ def _read_channel(ask: Request, mdf: Any, wanted: Names, texts: list[str]) -> It
             f"{ask.path}, column {column}: expected a channel of one group, found {len(chosen)}. "
             f"Write one of {', '.join(f'{name}@{group}' for group, _ in places)} in the mapping."
         )
-    signal = mdf.get(name, group=chosen[0][0], index=chosen[0][1])
-    values = np.asarray(signal.samples)
+    signal = mdf.get(name, group=chosen[0][0], index=chosen[0][1], raw=True)
+    place = f"{ask.path}, column {column}"
+    values, missing = _numbers(signal.conversion, np.asarray(signal.samples))
     if values.ndim != 1 or values.dtype.kind not in "fiub":
         raise DatasetError(
-            f"{ask.path}, column {column}: expected numbers, found {values.dtype} of shape "
-            f"{values.shape}. Choose a channel that has one number for each sample."
+            f"{place}: expected numbers, found {values.dtype} of shape {values.shape}. Choose a "
+            f"channel that has one number for each sample."
+        )
+    is_known = ~np.isin(np.arange(len(values)), [k for own in missing.values() for k in own])
+    listed = "; ".join(f"{len(own)} {text!r} in the file" for text, own in missing.items())
+    unusable = f"{listed}: the car has no value then" if listed else ""
+    if not is_known.any() and unusable:
+        raise DatasetError(
+            f"{place}: expected measurements, found none among {len(values)} samples: {unusable}. "
+            f"Leave the file out."
         )
     t_s, rows = np.asarray(signal.timestamps, dtype=np.float64), np.arange(1, len(values) + 1)
     unit = signal.unit or heading.unit or ""
-    yield Series(column, t_s, values.astype(np.float64), rows, unit, ask.path)
+    numbers = values.astype(np.float64)[is_known]
+    yield Series(column, t_s[is_known], numbers, rows[is_known], unit, ask.path, unusable=unusable)
+
+
+_TABLES = {
+    (b"##CC", 7): ("val", "val"),
+    (b"##CC", 8): ("lower", "upper"),
+    (b"CC", 11): ("param_val", "param_val"),
+    (b"CC", 12): ("lower", "upper"),
+}
+"""conversions of MDF 4 and 3 with texts of some raw values: first and last raw value of a text"""
+_LINEAR_TEXT = re.compile(r'"?\s*([-+.\deE]+)\s*\*\s*\{X\}\s*([-+][.\deE+-]+)?\s*"?')
+
+
+def _numbers(conversion: Any, raws: NDArray[Any]) -> tuple[NDArray[Any], dict[str, list[int]]]:
+    """The numbers of raw values, and by text the samples whose text stands for no value.
+
+    A raw value with another text has the number that it would have without the text.
+    """
+    if conversion is None:
+        return raws, {}
+    edges = _TABLES.get((conversion.id, conversion.conversion_type))
+    if edges is None or raws.ndim != 1 or raws.dtype.kind not in "fiub":
+        return np.asarray(conversion.convert(raws)), {}
+    blocks: Mapping[str, Any] = conversion.referenced_blocks or {}
+    missing: dict[str, list[int]] = defaultdict(list)
+    is_named = np.zeros(len(raws), dtype=np.bool_)
+    default: Any = blocks.get("default_addr")
+    numbers, is_text = np.array(raws, dtype=np.float64), isinstance(default, bytes)
+    if is_text and (linear := _LINEAR_TEXT.fullmatch(_decoded(default))):
+        numbers, is_text = float(linear[1]) * numbers + float(linear[2] or 0.0), False
+    elif default is not None and not is_text:
+        numbers, inner = _numbers(default, raws)
+        numbers = numbers.astype(np.float64)
+        missing.update(inner)
+    for i in count():
+        low, high = (getattr(conversion, f"{edge}_{i}", None) for edge in edges)
+        if low is None or high is None:
+            break
+        own = (raws >= low) & (raws <= high) & ~is_named
+        is_named |= own
+        text = blocks.get(f"text_{i}", getattr(conversion, f"text_{i}", b""))
+        if isinstance(text, bytes):
+            if stands_for_no_value(_decoded(text)):
+                missing[_decoded(text)] += np.flatnonzero(own).tolist()
+        elif text is not None and own.any():
+            numbers[own], inner = _numbers(text, raws[own])
+            for name, samples in inner.items():
+                missing[name] += np.flatnonzero(own)[samples].tolist()
+    if is_text and stands_for_no_value(_decoded(default)):
+        missing[_decoded(default)] += np.flatnonzero(~is_named).tolist()
+    return numbers, {text: samples for text, samples in missing.items() if samples}
+
+
+def _decoded(text: bytes) -> str:
+    plain = text.split(b"\0")[0].strip()
+    try:
+        return plain.decode("utf-8")
+    except UnicodeDecodeError:
+        return plain.decode("latin-1")  # of MDF 3
 
 
 def _read_can(ask: Request) -> Log:

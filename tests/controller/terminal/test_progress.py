@@ -174,6 +174,18 @@ def test_a_gap_of_a_message_is_explained_once_and_what_was_not_compared_is_said(
     assert shown.count("a gap of") == len(messages) < len(gaps)
 
 
+def test_messages_that_cannot_be_read_are_counted_in_a_note(log, tmp_path, capsys):
+    for name in ("car.toml", "line.csv", "car.dbc"):
+        (tmp_path / name).write_bytes((EXAMPLE.parent / name).read_bytes())
+    defect = '\nBO_ 900 Radio: 8 CAR\n SG_ Volume : 60|8@1+ (1,0) [0|1] "" CAR\n\nBA_DEF_ BO_ "Gen'
+    dbc = (tmp_path / "car.dbc").read_text("cp1252").replace('\nBA_DEF_ BO_ "Gen', defect, 1)
+    (tmp_path / "car.dbc").write_text(dbc, "cp1252")
+    assert run_signals("signals", "check", str(tmp_path / "car.toml"), str(log)) == 8
+    shown = " ".join(capsys.readouterr().err.split())
+    assert "messages cannot be read (first: Radio: The signal Volume does not fit in" in shown
+    assert "note: car.dbc: 1 of " in shown
+
+
 def test_a_quiet_check_shows_no_progress(capsys):
     options = ("--bus", "virtual", "--channel", "quiet", "--listen-s", "0.01")
     assert run_signals("signals", "check", str(EXAMPLE), *options) == 8

@@ -207,6 +207,59 @@ def test_bad_logs_are_refused_with_their_place_and_nothing_is_written(place, cha
     assert not (place / "figures.json").exists()
 
 
+def copied(place):
+    (place / "logs" / "copy.csv").write_bytes((place / "logs" / "run_1.csv").read_bytes())
+
+
+def other_ending_and_digits(place):
+    lines = (place / "logs" / "run_1.csv").read_text().replace("\r", "").splitlines()
+    (place / "logs" / "copy.csv").write_text("# exported again\n" + "\r\n".join(lines) + "\r\n")
+
+
+def other_format(place):
+    np.savez(place / "logs" / "copy.npz", **{k: np.array(v) for k, v in columns_of(1).items()})
+
+
+def part_of_it(place):
+    columns = {name: values[700:1100] for name, values in columns_of(1).items()}
+    columns["time"] = [t_s + 100.0 for t_s in columns["time"]]
+    write_csv(place / "logs" / "copy.csv", columns)
+
+
+def with_other_ends(place):
+    other = columns_of(1)
+    for name, values in columns_of(9).items():
+        if name != "time":
+            other[name][:500], other[name][900:] = values[:500], values[900:]
+    write_csv(place / "logs" / "copy.csv", other)
+
+
+@pytest.mark.parametrize(
+    "add", [copied, other_ending_and_digits, other_format, part_of_it, with_other_ends]
+)
+def test_logs_with_the_same_samples_are_named_and_make_no_data_set(place, capsys, add):
+    add(place)
+    (said,) = figures_of(place)["repeated"]
+    names = ("run_1.csv", "copy.")
+    assert all(name in said for name in names)
+    assert f"note: {said}" in capsys.readouterr().out
+    with pytest.raises(DatasetError, match="Leave one out") as refused:
+        run_import(place, "--data", place / "data")
+    assert all(name in str(refused.value) for name in names)
+    assert not (place / "data").exists()
+    text = MAPPING + "[checks]\naccept_repeated = true\n"
+    (place / "map.toml").write_text(text)
+    run_import(place, "--data", place / "data")
+    assert (place / "data").exists()
+
+
+def test_drives_with_one_signal_in_common_are_different(place):
+    other = columns_of(9)
+    write_csv(place / "logs" / "other.csv", {**columns_of(1), "turn": other["turn"]})
+    (place / "map.toml").write_text(f"{MAPPING}{ACCEPTED}")
+    assert figures_of(place)["repeated"] == []
+
+
 def test_a_constant_input_is_accepted_in_one_log_or_if_the_mapping_allows_it(place):
     change_log(place, force=lambda f: 0.0 * f)
     assert figures_of(place)["constant"] == []

@@ -321,6 +321,66 @@ def test_mdf_channels_have_the_time_of_their_group(tmp_path):
         read(path, "Steering")
 
 
+RAWS = np.array([5400, 5410, 0, 65535, 5420, 65534, 1], dtype=np.uint16)
+LINEAR = {"a": 0.01, "b": 0.0}
+LABELS = {"val_0": 0, "text_0": b"Standstill", "val_1": 65535, "text_1": b"SNA"}
+RANGES = {
+    "lower_0": 0,
+    "upper_0": 0,
+    "text_0": b"no error",
+    "lower_1": 65534,
+    "upper_1": 65535,
+    "text_1": b"Sensor_Error",
+}
+SCALED = {
+    "lower_0": 0,
+    "upper_0": 65533,
+    "text_0": LINEAR,
+    "lower_1": 65534,
+    "upper_1": 65535,
+    "text_1": b"Not available",
+}
+
+
+@pytest.mark.parametrize(
+    ("conversion", "scale", "missing"),
+    [
+        ({**LABELS, "default_addr": LINEAR}, 0.01, (3,)),
+        ({**RANGES, "default_addr": LINEAR}, 0.01, (3, 5)),
+        (SCALED, 0.01, (3, 5)),
+        (LABELS, 1.0, (3,)),
+        ({"val_0": 0, "text_0": b"Off", "val_1": 1, "text_1": b"On"}, 1.0, ()),
+        ({**LABELS, "default_addr": b"valid"}, 1.0, (3,)),
+        ({"val_0": 1, "text_0": b"Off", "val_1": 0, "text_1": b"On", "default_addr": b"init"},
+         1.0, (0, 1, 3, 4, 5)),
+        ({"val_0": 1, "text_0": b"Init", "val_1": 5400, "text_1": b"Cruise"}, 1.0, (6,)),
+    ],
+)  # fmt: skip
+def test_labels_of_mdf_are_numbers_or_gaps(tmp_path, conversion, scale, missing):
+    t_s, kept = 0.01 * np.arange(len(RAWS)), np.delete(np.arange(len(RAWS)), missing)
+    # MDF 3 has no conversion beside texts.
+    for version in ("4.10", "3.30")[: 2 if scale == 1.0 else 1]:
+        path = tmp_path / ("a.mf4" if version == "4.10" else "a.mdf")
+        with MDF(version=version) as mdf:
+            mdf.append([Signal(RAWS, t_s, name="v", unit="km/h", conversion=conversion)])
+            mdf.save(path)
+        (channel,) = read(path, "v").channels
+        assert channel.values == pytest.approx(scale * RAWS[kept])
+        assert channel.t_s == pytest.approx(t_s[kept])
+        assert channel.row.tolist() == (kept + 1).tolist()
+        assert (channel.unit, bool(channel.unusable)) == ("km/h", bool(missing))
+
+
+def test_an_mdf_channel_without_any_measurement_is_refused(tmp_path):
+    labels = {"val_0": 7, "text_0": b"SNA", "default_addr": LINEAR}
+    with MDF() as mdf:
+        raws = np.full(9, 7, np.uint8)
+        mdf.append([Signal(raws, 0.1 * np.arange(9), name="v", conversion=labels)])
+        mdf.save(tmp_path / "a.mf4")
+    with pytest.raises(DatasetError, match="found none among 9 samples: 9 'SNA' in the file"):
+        read(tmp_path / "a.mf4", "v")
+
+
 @pytest.mark.parametrize("suffix", [".blf", ".asc", ".log"])
 def test_can_signals_have_the_time_stamps_of_their_frames(tmp_path, settings, suffix):
     write_can(tmp_path / f"a{suffix}")
