@@ -70,9 +70,8 @@ class TransportDelay:
         return int(extra_ns)
 
 
-REGULAR_MEMORY = 1.0 - 1.0 / 40.0
-"""share of the lateness that is left a period later: the regular time follows the mean of a second,
-and a clock that runs faster or slower"""
+REGULAR_SAMPLES = 40
+"""the regular time is the mean of so many, a second: it follows a clock that is faster or slower"""
 
 
 class SampleTime(NamedTuple):
@@ -93,8 +92,9 @@ class SampleGrid:
     def __init__(self, wrap_ns: int) -> None:
         """The stamp wraps around after `wrap_ns`."""
         self._wrap_ns = wrap_ns
-        self._stamp_ns = self._counter = 0
+        self._stamp_ns = self._counter = self._samples = 0
         self._late_ns = 0.0
+        """of the last sample"""
 
     def measure(self, stamp_ns: int, counter: int) -> SampleTime:
         """The time of a sample; ON_TIME if it is a period or more away from the regular one."""
@@ -102,8 +102,11 @@ class SampleGrid:
         longer_ns = stamp_ns - self._stamp_ns - periods * PERIOD_NS
         longer_ns = (longer_ns + self._wrap_ns // 2) % self._wrap_ns - self._wrap_ns // 2
         self._stamp_ns, self._counter = stamp_ns, counter
-        self._late_ns = self._late_ns * REGULAR_MEMORY**periods + longer_ns
-        if abs(self._late_ns) >= PERIOD_NS:
-            self._late_ns = 0.0
+        self._late_ns += longer_ns
+        if self._samples == 0 or abs(self._late_ns) >= PERIOD_NS:
+            self._samples, self._late_ns = 1, 0.0
             return ON_TIME
-        return SampleTime(1e-9 * self._late_ns, 1e-9 * longer_ns if periods == 1 else None)
+        late_s = 1e-9 * self._late_ns
+        self._samples = min(self._samples + 1, REGULAR_SAMPLES)
+        self._late_ns -= self._late_ns / self._samples
+        return SampleTime(late_s, 1e-9 * longer_ns if periods == 1 else None)

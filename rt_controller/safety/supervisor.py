@@ -25,7 +25,7 @@ from rt_controller.model.validity import Excess, TrainedRange
 from rt_controller.safety.actuators import CommandRange
 from rt_controller.safety.checks import CHECKS, NEVER, NOT_COMPUTED, Check, Quantity
 from rt_controller.safety.coast_model import Cornering, PedalEffect, StoppingCar, cornering_of
-from rt_controller.safety.freshness import REGULAR_MEMORY, SampleTime
+from rt_controller.safety.freshness import REGULAR_SAMPLES, SampleTime
 from rt_controller.safety.isolation import (
     Faulty,
     Finding,
@@ -230,8 +230,7 @@ class Supervisor:
         regular = self._at_regular_time(tick.state, tick.sample_time, before, expected)
         measured = with_replaced_signals(regular, expected, faulty)
         state = residuals.advance(before, measured, mean_per_m, tick.periods, faulty)
-        feedback = tick.feedback
-        actuators = None if have_moved(tick.applied, feedback) else feedback
+        actuators = None if have_moved(tick.applied, tick.feedback) else tick.feedback
         residuals.compare(before, state, tick.state, mean_per_m, tick.periods, actuators)
         self._compare_pedals(tick, before.vx_mps, state.vx_mps)
         failing = self._windows.failing(_OF_STATE)
@@ -271,17 +270,19 @@ class Supervisor:
         than with a period. If the sample before was lost, Δs may be of any interval in the jitter.
         """
         late_s, longer_s = time
-        if late_s == longer_s == 0.0:
+        if longer_s is None:
+            late_s = min(max(late_s, -self._jitter_s), self._jitter_s)
+        if late_s == 0.0 and not longer_s:
             return state
         step_m = progress_m(before, state, self._curvature_per_m)
         along_mps, excess_m = step_m / PERIOD_S, state.ds_m - step_m
         if longer_s is None:
             interval_s = excess_m / max(along_mps, MOVING_MPS)
-            longer_s = min(max(interval_s, late_s - self._jitter_s), late_s + self._jitter_s)
+            least_s, most_s = min(late_s - self._jitter_s, 0.0), max(late_s + self._jitter_s, 0.0)
+            longer_s = min(max(interval_s, least_s), most_s)
         elif abs(excess_m - along_mps * longer_s) >= abs(excess_m):
-            self._jitter_s *= REGULAR_MEMORY
             return state
-        self._jitter_s = max(REGULAR_MEMORY * self._jitter_s, abs(late_s))
+        self._jitter_s = max(self._jitter_s * (1.0 - 1.0 / REGULAR_SAMPLES), abs(late_s))
         self._late_m, share = along_mps * late_s, late_s / PERIOD_S
         if self._prediction is not None and self._prediction.has_any:
             state = state._replace(
