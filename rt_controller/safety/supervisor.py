@@ -25,7 +25,7 @@ from rt_controller.model.validity import Excess, TrainedRange
 from rt_controller.safety.actuators import CommandRange
 from rt_controller.safety.checks import CHECKS, NEVER, NOT_COMPUTED, Check, Quantity
 from rt_controller.safety.coast_model import Cornering, PedalEffect, StoppingCar, cornering_of
-from rt_controller.safety.freshness import REGULAR_SAMPLES, SampleTime
+from rt_controller.safety.freshness import SampleTime
 from rt_controller.safety.isolation import (
     Faulty,
     Finding,
@@ -282,7 +282,7 @@ class Supervisor:
             longer_s = min(max(interval_s, least_s), most_s)
         elif abs(excess_m - along_mps * longer_s) >= abs(excess_m):
             return state
-        self._jitter_s = max(self._jitter_s * (1.0 - 1.0 / REGULAR_SAMPLES), abs(late_s))
+        self._jitter_s = max(self._jitter_s, abs(late_s))
         self._late_m, share = along_mps * late_s, late_s / PERIOD_S
         if self._prediction is not None and self._prediction.has_any:
             state = state._replace(
