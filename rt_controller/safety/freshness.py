@@ -97,7 +97,7 @@ class SampleGrid:
         """of the last sample"""
 
     def measure(self, stamp_ns: int, counter: int) -> SampleTime:
-        """The time of a sample; ON_TIME if it is a period or more away from the regular one."""
+        """The time of a sample; ON_TIME too if it is a period or more away from the regular one."""
         periods = (counter - self._counter) % LONG_COUNTER_MODULUS
         longer_ns = stamp_ns - self._stamp_ns - periods * PERIOD_NS
         longer_ns = (longer_ns + self._wrap_ns // 2) % self._wrap_ns - self._wrap_ns // 2
@@ -106,7 +106,8 @@ class SampleGrid:
         if self._samples == 0 or abs(self._late_ns) >= PERIOD_NS:
             self._samples, self._late_ns = 1, 0.0
             return ON_TIME
-        late_s = 1e-9 * self._late_ns
-        self._samples = min(self._samples + 1, REGULAR_SAMPLES)
-        self._late_ns -= self._late_ns / self._samples
-        return SampleTime(late_s, 1e-9 * longer_ns if periods == 1 else None)
+        late_ns, self._samples = self._late_ns, min(self._samples + 1, REGULAR_SAMPLES)
+        self._late_ns -= late_ns / self._samples
+        if late_ns == longer_ns == 0.0:
+            return ON_TIME
+        return SampleTime(1e-9 * late_ns, 1e-9 * longer_ns if periods == 1 else None)

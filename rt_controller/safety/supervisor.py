@@ -25,7 +25,7 @@ from rt_controller.model.validity import Excess, TrainedRange
 from rt_controller.safety.actuators import CommandRange
 from rt_controller.safety.checks import CHECKS, NEVER, NOT_COMPUTED, Check, Quantity
 from rt_controller.safety.coast_model import Cornering, PedalEffect, StoppingCar, cornering_of
-from rt_controller.safety.freshness import SampleTime
+from rt_controller.safety.freshness import ON_TIME, SampleTime
 from rt_controller.safety.isolation import (
     Faulty,
     Finding,
@@ -227,7 +227,11 @@ class Supervisor:
             curvature_per_m = tick.curvature_per_m
             self._road.compare(curvature_per_m)
         mean_per_m = 0.5 * (last_curvature_per_m + curvature_per_m)
-        regular = self._at_regular_time(tick.state, tick.sample_time, before, expected)
+        regular = (
+            tick.state
+            if tick.sample_time is ON_TIME
+            else self._at_regular_time(tick.state, tick.sample_time, before, expected)
+        )
         measured = with_replaced_signals(regular, expected, faulty)
         state = residuals.advance(before, measured, mean_per_m, tick.periods, faulty)
         actuators = None if have_moved(tick.applied, tick.feedback) else tick.feedback
@@ -272,8 +276,6 @@ class Supervisor:
         late_s, longer_s = time
         if longer_s is None:
             late_s = min(max(late_s, -self._jitter_s), self._jitter_s)
-        if late_s == 0.0 and not longer_s:
-            return state
         step_m = progress_m(before, state, self._curvature_per_m)
         along_mps, excess_m = step_m / PERIOD_S, state.ds_m - step_m
         if longer_s is None:

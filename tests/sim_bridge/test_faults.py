@@ -44,6 +44,7 @@ EXAMPLES: dict[str, dict[str, Any]] = {
     "masquerade": {"messages": ["MISSION"], "values": {"Engage": 0}},
     "stuck": {"signals": ["steer_rad"]},
     "bus_off": {},
+    "jitter": {"value": 10.0},
 }
 BY_ID = {codec.arbitration_id: codec for codec in CODECS.values()}
 
