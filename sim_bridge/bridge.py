@@ -352,11 +352,9 @@ class Bridge:
     def _send(self, now_ns: int) -> None:
         command, run, send = self._command, self._run, self._outbox.send
         age_s = 0.0 if self._faulty is None else self._faulty.sample_age_s(run.ticks)
-        state, s_m, path = self._car.state, run.s_m, run.path
-        if self._faulty is not None and not self.has_failed:
-            state, s_m, path = run.sample(age_s)
+        state, s_m, path = run.sample(age_s)
         sample = StateSample(
-            state=state,
+            state=self._car.state if self.has_failed else state,
             curvature_per_m=self._curvature.at(s_m),
             sample_time_ns=now_ns - round(1e9 * age_s),
             command_echo=None if command is None else command.counter,
