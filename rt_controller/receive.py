@@ -28,6 +28,7 @@ from rt_controller.safety.freshness import (
     REFERENCE_MAX_TICKS,
     ROUND_TRIP_MAX_TICKS,
     STATE_MAX_AGE_NS,
+    SampleGrid,
     TransportDelay,
     is_fresh,
 )
@@ -55,6 +56,7 @@ class Receiver:
         self._bus = bus
         self._inbox = inbox
         self._delay = TransportDelay(SAMPLE_TIME_WRAP_NS)
+        self._grid = SampleGrid(SAMPLE_TIME_WRAP_NS)
         self._state: Received[StateSample] | None = None
         self._delay_ns = 0
         """of this state, beyond the fastest transport"""
@@ -104,6 +106,7 @@ class Receiver:
         if is_standby:
             self._delay.reset()  # the car is not driven: the vehicle may have restarted
         self._delay_ns = self._delay.measure(state.arrival_ns, sample.sample_time_ns)
+        tick.sample_time = self._grid.measure(sample.sample_time_ns, state.counter)
         tick.is_next_state = is_next
         # Its age counts from its arrival, also if it was read before the tick.
         if now_ns - state.arrival_ns + self._delay_ns > STATE_MAX_AGE_NS:

@@ -351,10 +351,12 @@ class Bridge:
 
     def _send(self, now_ns: int) -> None:
         command, run, send = self._command, self._run, self._outbox.send
+        age_s = 0.0 if self._faulty is None else self._faulty.sample_age_s(run.ticks)
+        state, s_m, path = run.sample(age_s)
         sample = StateSample(
-            state=self._car.state,
-            curvature_per_m=run.curvature_per_m,
-            sample_time_ns=now_ns,
+            state=self._car.state if self.has_failed else state,
+            curvature_per_m=self._curvature.at(s_m),
+            sample_time_ns=now_ns - round(1e9 * age_s),
             command_echo=None if command is None else command.counter,
             is_watchdog_braking=self._watchdog.braking_cause is not None,
             refusals=self._check.refusals,
@@ -363,8 +365,8 @@ class Bridge:
         if self._faulty is not None:
             self._faulty.begin_sending(run.ticks, now_ns)
         send(STATE, sample, now_ns, counter=counter, is_valid=not self.has_failed)
-        send(REFERENCE, run.path, now_ns, counter=counter)
-        ahead = self.scenario.preview_ahead(run.s_m, run.state.vx_mps, run.path.v_mps, run.time_s)
+        send(REFERENCE, path, now_ns, counter=counter)
+        ahead = self.scenario.preview_ahead(s_m, state.vx_mps, path.v_mps, run.time_s - age_s)
         send(PREVIEW, ahead, now_ns, counter=counter)
         if not self.is_waiting or self.applied != NEUTRAL_INPUT:
             send(FEEDBACK, self.applied, now_ns)

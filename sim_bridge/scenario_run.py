@@ -4,7 +4,7 @@ from math import atan, hypot
 
 import numpy as np
 
-from rt_controller.contract.signals import ControlInput, Mode, VehicleState
+from rt_controller.contract.signals import ControlInput, Mode, PathReference, VehicleState
 from rt_controller.contract.timing import PERIOD_S
 from rt_controller.drive.scenario import CarFigure
 from rt_controller.vehicle.vehicle_envelope import OwnMotion, off_path_m
@@ -29,13 +29,14 @@ class ScenarioRun:
         self._is_end_requested = False
         self._progress = scenario.first_progress
         self._log: list[LogRow] = []
+        self.state, self._sampled_m = state, s_m
         self.path = scenario.path_ahead(s_m, state.vx_mps)
         """what a path planner sends from where the car is"""
         self._place(state, s_m)
 
     def _place(self, state: VehicleState, s_m: float) -> None:
         """Note where the car is at the end of a period."""
-        self.state, self.s_m = state, s_m
+        self._before, self.state, self.s_m = self.state, state, s_m
         self.speed_mps = hypot(state.vx_mps, state.vy_mps)
         self.curvature_per_m = self.scenario.road.curvature_per_m.at(s_m)
         """of the road at the car"""
@@ -44,6 +45,24 @@ class ScenarioRun:
         away_m = off_path_m(self.path, state, self.curvature_per_m)
         self.motion = OwnMotion(self.speed_mps, away_m, self.end_ticks == 0)
         """of the car, by its own measurement"""
+
+    def sample(self, age_s: float) -> tuple[VehicleState, float, PathReference]:
+        """State, arc length and path `age_s` ago; its progress is that since the last sample.
+
+        Between two periods everything is linear in time.
+        """
+        state, s_m, path = self.state, self.s_m, self.path
+        if age_s > 0.0:
+            share = age_s / PERIOD_S
+            pairs = zip(self._before, state, strict=True)
+            s_m -= share * state.ds_m
+            state = VehicleState(*(now + share * (before - now) for before, now in pairs))
+            time_s = max(self.time_s - age_s, 0.0)
+            path = self.scenario.path_ahead(s_m, state.vx_mps, time_s, self._progress)
+        if self.ticks > 0:
+            state = state._replace(ds_m=s_m - self._sampled_m)
+        self._sampled_m = s_m
+        return state, s_m, path
 
     @property
     def is_moving(self) -> bool:

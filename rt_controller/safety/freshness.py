@@ -4,7 +4,9 @@ A state is valid only for the tick that receives it, and only if it was not dela
 paths and missions are valid for longer.
 """
 
-from rt_controller.contract.timing import COMMAND_TIMEOUT_TICKS, PERIOD_NS
+from typing import NamedTuple
+
+from rt_controller.contract.timing import COMMAND_TIMEOUT_TICKS, LONG_COUNTER_MODULUS, PERIOD_NS
 
 STATE_MAX_AGE_NS = 2 * PERIOD_NS
 """oldest state that is planned from, counted beyond the fastest transport"""
@@ -66,3 +68,46 @@ class TransportDelay:
             return 0
         self._early_ns = 0.0
         return int(extra_ns)
+
+
+REGULAR_SAMPLES = 40
+"""the regular time is the mean of so many, a second: it follows a clock that is faster or slower"""
+
+
+class SampleTime(NamedTuple):
+    """When a state was sampled, compared with one sample every period."""
+
+    late_s: float = 0.0
+    """behind the regular time, which is the mean of about a second"""
+    longer_s: float | None = 0.0
+    """than a period, since the sample before; None: that one was not received"""
+
+
+ON_TIME = SampleTime()
+
+
+class SampleGrid:
+    """The regular time of the samples of a vehicle, by their stamps and their counters."""
+
+    def __init__(self, wrap_ns: int) -> None:
+        """The stamp wraps around after `wrap_ns`."""
+        self._wrap_ns = wrap_ns
+        self._stamp_ns = self._counter = self._samples = 0
+        self._late_ns = 0.0
+        """of the last sample"""
+
+    def measure(self, stamp_ns: int, counter: int) -> SampleTime:
+        """The time of a sample; ON_TIME too if it is a period or more away from the regular one."""
+        periods = (counter - self._counter) % LONG_COUNTER_MODULUS
+        longer_ns = stamp_ns - self._stamp_ns - periods * PERIOD_NS
+        longer_ns = (longer_ns + self._wrap_ns // 2) % self._wrap_ns - self._wrap_ns // 2
+        self._stamp_ns, self._counter = stamp_ns, counter
+        self._late_ns += longer_ns
+        if self._samples == 0 or abs(self._late_ns) >= PERIOD_NS:
+            self._samples, self._late_ns = 1, 0.0
+            return ON_TIME
+        late_ns, self._samples = self._late_ns, min(self._samples + 1, REGULAR_SAMPLES)
+        self._late_ns -= late_ns / self._samples
+        if late_ns == longer_ns == 0.0:
+            return ON_TIME
+        return SampleTime(1e-9 * late_ns, 1e-9 * longer_ns if periods == 1 else None)

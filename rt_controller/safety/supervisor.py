@@ -11,7 +11,13 @@ from operator import or_
 
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.faults import Fault, StopCause
-from rt_controller.contract.kinematics import farthest_m, speed_of
+from rt_controller.contract.kinematics import (
+    farthest_m,
+    heading_change_rad,
+    lateral_change_m,
+    progress_m,
+    speed_of,
+)
 from rt_controller.contract.limits import stop_speed_mps
 from rt_controller.contract.signals import NEUTRAL_INPUT, ControlInput, VehicleState
 from rt_controller.contract.timing import PERIOD_S
@@ -19,6 +25,7 @@ from rt_controller.model.validity import Excess, TrainedRange
 from rt_controller.safety.actuators import CommandRange
 from rt_controller.safety.checks import CHECKS, NEVER, NOT_COMPUTED, Check, Quantity
 from rt_controller.safety.coast_model import Cornering, PedalEffect, StoppingCar, cornering_of
+from rt_controller.safety.freshness import ON_TIME, SampleTime
 from rt_controller.safety.isolation import (
     Faulty,
     Finding,
@@ -35,7 +42,7 @@ from rt_controller.safety.motion import (
     have_moved,
     with_replaced_signals,
 )
-from rt_controller.safety.path import LastRoad, PathChecks
+from rt_controller.safety.path import LastPath, LastRoad, PathChecks
 from rt_controller.safety.tick import Estimate, Tick
 
 _NOT_COMPUTED = [NOT_COMPUTED] * len(Quantity)
@@ -86,11 +93,13 @@ class Supervisor:
         self._rejections = 0.0
         self._is_motion_measured = False
         self._stop_mps = inf
+        self._late_m = self._jitter_s = 0.0
 
     def check(self, tick: Tick) -> Estimate:
         """State and path of this tick to plan from, and the cause of a stop or of a rejection."""
         self.values[:] = _NOT_COMPUTED
         self.failing.clear()
+        self._late_m = 0.0
         before = self._state
         if before is None or not tick.is_driven:
             return self._begin(tick)
@@ -218,10 +227,14 @@ class Supervisor:
             curvature_per_m = tick.curvature_per_m
             self._road.compare(curvature_per_m)
         mean_per_m = 0.5 * (last_curvature_per_m + curvature_per_m)
-        measured = with_replaced_signals(tick.state, expected, faulty)
+        regular = (
+            tick.state
+            if tick.sample_time is ON_TIME
+            else self._at_regular_time(tick.state, tick.sample_time, before, expected)
+        )
+        measured = with_replaced_signals(regular, expected, faulty)
         state = residuals.advance(before, measured, mean_per_m, tick.periods, faulty)
-        feedback = tick.feedback
-        actuators = None if have_moved(tick.applied, feedback) else feedback
+        actuators = None if have_moved(tick.applied, tick.feedback) else tick.feedback
         residuals.compare(before, state, tick.state, mean_per_m, tick.periods, actuators)
         self._compare_pedals(tick, before.vx_mps, state.vx_mps)
         failing = self._windows.failing(_OF_STATE)
@@ -242,7 +255,7 @@ class Supervisor:
             if faulty & Faulty.CURVATURE:
                 curvature_per_m = road_per_m
                 mean_per_m = 0.5 * (last_curvature_per_m + curvature_per_m)
-            measured = with_replaced_signals(tick.state, expected, faulty)
+            measured = with_replaced_signals(regular, expected, faulty)
             state = residuals.advance(before, measured, mean_per_m, tick.periods, faulty)
             if failed.is_stop:
                 residuals.correct(state, faulty)
@@ -251,6 +264,41 @@ class Supervisor:
         self._is_motion_measured = not faulty & Faulty.MOTION
         self._state, self._curvature_per_m = state, curvature_per_m
         return state, failed
+
+    def _at_regular_time(
+        self, state: VehicleState, time: SampleTime, before: VehicleState, expected: VehicleState
+    ) -> VehicleState:
+        """A measured state moved to the regular time of its sample, a period after `before`.
+
+        A vehicle may stamp otherwise than it samples: a stamp counts if Δs agrees better with it
+        than with a period. If the sample before was lost, Δs may be of any interval in the jitter.
+        """
+        late_s, longer_s = time
+        if longer_s is None:
+            late_s = min(max(late_s, -self._jitter_s), self._jitter_s)
+        step_m = progress_m(before, state, self._curvature_per_m)
+        along_mps, excess_m = step_m / PERIOD_S, state.ds_m - step_m
+        if longer_s is None:
+            interval_s = excess_m / max(along_mps, MOVING_MPS)
+            least_s, most_s = min(late_s - self._jitter_s, 0.0), max(late_s + self._jitter_s, 0.0)
+            longer_s = min(max(interval_s, least_s), most_s)
+        elif abs(excess_m - along_mps * longer_s) >= abs(excess_m):
+            return state
+        self._jitter_s = max(self._jitter_s, abs(late_s))
+        self._late_m, share = along_mps * late_s, late_s / PERIOD_S
+        if self._prediction is not None and self._prediction.has_any:
+            state = state._replace(
+                vx_mps=state.vx_mps - share * (expected.vx_mps - before.vx_mps),
+                vy_mps=state.vy_mps - share * (expected.vy_mps - before.vy_mps),
+                yaw_rate_radps=state.yaw_rate_radps
+                - share * (expected.yaw_rate_radps - before.yaw_rate_radps),
+            )
+        turned_rad = heading_change_rad(state, state, self._curvature_per_m, step_m)
+        return state._replace(
+            ds_m=state.ds_m - along_mps * longer_s,
+            ey_m=state.ey_m - share * lateral_change_m(state, state),
+            epsi_rad=state.epsi_rad - share * turned_rad,
+        )
 
     def _compare_pedals(self, tick: Tick, before_mps: float, now_mps: float) -> None:
         """Compare a slow car with its pedals; a faster one is compared with the model."""
@@ -333,6 +381,8 @@ class Supervisor:
         is_path = tick.path is not None and not faulty & Faulty.PATH
         is_path = is_path and (failed_path is None or (is_speed_wrong and tick.is_stopping))
         path, preview = tick.path, tick.preview
+        if path is not None and self._late_m != 0.0:
+            path = LastPath(path, inf, -self._late_m).path_here()
         is_replaced = failed_path is None or failed_path.faulty & Faulty.PATH
         if is_speed_wrong or (is_replaced and not is_path):
             path = None if last is None else last.path_here()

@@ -14,6 +14,7 @@ from rt_controller.contract.signals import (
     VehicleState,
 )
 from rt_controller.model.validity import Excess
+from rt_controller.safety.freshness import ON_TIME, SampleTime
 
 
 class Estimate(NamedTuple):
@@ -60,6 +61,8 @@ class Tick:
     state: VehicleState | None = None
     """new in this tick, and in time"""
     curvature_per_m: float = 0.0
+    """of the state"""
+    sample_time: SampleTime = ON_TIME
     """of the state"""
     is_next_state: bool = False
     """no period lies between the last state and this one"""

@@ -15,7 +15,14 @@ from rt_controller.bus.messages import CATALOGUE, Node
 from rt_controller.contract.signals import ControlInput
 from rt_controller.contract.timing import PERIOD_S
 from sim_bridge.faults.fault import Fault
-from sim_bridge.faults.kinds import FRAME_KINDS, ORDER, THIRD_PARTICIPANT, FrameFault, Sample
+from sim_bridge.faults.kinds import (
+    FRAME_KINDS,
+    JITTER,
+    ORDER,
+    THIRD_PARTICIPANT,
+    FrameFault,
+    Sample,
+)
 from sim_bridge.faults.names import ACTUATOR, FRAMES, SIGNALS, VALID
 
 CODECS = {codec.name: codec for message in CATALOGUE.messages for codec in message.codecs}
@@ -43,6 +50,7 @@ class FaultyBus:
                 self._distortions.setdefault(name, []).append(_Distortion(fault, name))
         self._outgoing, self._incoming = _stages(faults, 0), _stages(faults, 1)
         self._third = [_ThirdParticipant(f) for f in faults if f.kind == THIRD_PARTICIPANT]
+        self._jitters = [(f, np.random.default_rng(f.seed)) for f in faults if f.kind == JITTER]
         self._genuine: dict[int, bytes] = {}  # the last frame of each id
         self._arrived: deque[can.Message] = deque()
         self._foreign: deque[can.Message] = deque()
@@ -60,6 +68,13 @@ class FaultyBus:
         for frame in _released(self._outgoing, tick):
             with suppress(Exception):  # each backend raises its own type
                 self._send(frame, 0)
+
+    def sample_age_s(self, tick: int) -> float:
+        """How long before the end of a period the state is sampled that is sent then."""
+        return max(
+            (2e-3 * (f.value or 0.0) * rng.random() for f, rng in self._jitters if f.acts(tick)),
+            default=0.0,
+        )
 
     def end_sending(self) -> None:
         """After the vehicle has sent its frames."""

@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
 from rt_controller.contract.timing import LONGEST_S, PERIOD_MS, PERIOD_S
-from sim_bridge.faults.kinds import KINDS, Kind
+from sim_bridge.faults.kinds import JITTER, KINDS, Kind
 from sim_bridge.faults.names import MESSAGES, SIGNALS, SignalName, name_in, signals_of
 from sim_bridge.toml_file import FileTable, Number, at_most, not_empty
 
@@ -114,6 +114,8 @@ class Fault(FileTable):
             )
         if rules.is_positive and self.value is not None and self.value <= 0.0:
             yield f"value: expected more than 0 for {kind}, found {self.value:g}"
+        if kind == JITTER and self.value is not None and self.value > PERIOD_MS / 2.0:
+            yield f"value: expected at most half a control period in ms, found {self.value:g}"
 
     @property
     def rules(self) -> Kind:

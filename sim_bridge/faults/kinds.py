@@ -111,8 +111,10 @@ def _limited(s: Sample) -> float:
 
 _SIGNALS, _FRAMES = ("signals", "messages"), ("messages",)
 _VALUE, _DELAY = ("value",), ("delay_s",)
-THIRD_PARTICIPANT = "masquerade"
+THIRD_PARTICIPANT, JITTER = "masquerade", "jitter"
 KINDS = {
+    # When the state is sampled; see `Bridge`.
+    JITTER: Kind((), _VALUE, is_positive=True),
     # Values of signals, in frames that are otherwise correct.
     "lag": Kind(_SIGNALS, _DELAY, change=lambda s: s.late),
     "freeze": Kind(_SIGNALS, change=lambda s: s.held, least_ticks=2),
@@ -141,5 +143,5 @@ KINDS = {
     ),
 }
 """in the order in which they act"""
-FRAME_KINDS = {kind for kind in KINDS if KINDS[kind].change is None} - {THIRD_PARTICIPANT}
+FRAME_KINDS = {kind for kind in KINDS if KINDS[kind].change is None} - {THIRD_PARTICIPANT, JITTER}
 ORDER = {kind: place for place, kind in enumerate(KINDS)}

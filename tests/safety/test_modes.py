@@ -15,6 +15,7 @@ from rt_controller.safety.freshness import (
     ROUND_TRIP_MAX_TICKS,
     STATE_MAX_AGE_NS,
     TIMING_SLACK_NS,
+    SampleGrid,
     TransportDelay,
     is_fresh,
 )
@@ -354,3 +355,39 @@ def test_more_than_half_a_wrap_is_a_message_that_was_faster(share, measured):
     delay = TransportDelay(WRAP_NS)
     delay.measure(10**9, 0)
     assert delay.measure(10**9, -round(share * WRAP_NS)) == round(measured * WRAP_NS)
+
+
+def sample_times(stamps_ms, counters=None):
+    """What a grid finds of these stamps, in ms."""
+    grid = SampleGrid(WRAP_NS)
+    counters = counters or range(len(stamps_ms))
+    found = [
+        grid.measure(round(1e6 * stamp_ms) % WRAP_NS, counter % 128)
+        for stamp_ms, counter in zip(stamps_ms, counters, strict=True)
+    ]
+    return [(1e3 * late_s, longer_s and 1e3 * longer_s) for late_s, longer_s in found]
+
+
+def test_a_sample_is_late_behind_the_mean_of_those_before_it():
+    period_ms = PERIOD_NS / 1e6
+    regular = [period_ms * k for k in range(1000)]  # the stamp wraps around
+    assert set(sample_times(regular)) == {(0.0, 0.0)}
+    late = [*regular]
+    late[400] += 10.0
+    found = sample_times(late)
+    assert found[400] == pytest.approx((10.0, 10.0))
+    assert found[401] == pytest.approx((0.0, -10.0), abs=0.3)
+    lost = range(400, 403)
+    kept = [k for k in range(1000) if k not in lost]
+    found = sample_times([late[k] for k in kept], kept)
+    assert set(found) == {(0.0, 0.0)}
+    fast = sample_times([1.001 * stamp_ms for stamp_ms in regular])
+    assert max(abs(late_ms) for late_ms, _ in fast) < 1.1
+    for useless in ([7.0] * 1000, [1000.0 * k for k in range(1000)]):
+        assert set(sample_times(useless)) == {(0.0, 0.0)}
+
+
+def test_after_a_lost_sample_the_interval_is_not_known():
+    period_ms = PERIOD_NS / 1e6
+    found = sample_times([0.0, period_ms, 3.0 * period_ms + 5.0], [0, 1, 3])
+    assert found[2] == (pytest.approx(5.0), None)

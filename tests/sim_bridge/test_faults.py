@@ -44,6 +44,7 @@ EXAMPLES: dict[str, dict[str, Any]] = {
     "masquerade": {"messages": ["MISSION"], "values": {"Engage": 0}},
     "stuck": {"signals": ["steer_rad"]},
     "bus_off": {},
+    "jitter": {"value": 10.0},
 }
 BY_ID = {codec.arbitration_id: codec for codec in CODECS.values()}
 
@@ -203,7 +204,7 @@ def test_a_signal_has_the_name_of_the_contract_or_of_the_dbc() -> None:
 @pytest.mark.parametrize(
     ("fields", "message"),
     [
-        ({"kind": "gremlins"}, "expected one of lag, freeze"),
+        ({"kind": "gremlins"}, "expected one of jitter, lag"),
         ({"kind": "drop"}, "messages: expected messages for drop, found none"),
         ({"kind": "drop", "messages": ["state"], "value": 1.0}, "value: expected none for drop"),
         ({"kind": "delay", "messages": ["state"]}, "delay_s: expected a value for delay"),
@@ -217,6 +218,7 @@ def test_a_signal_has_the_name_of_the_contract_or_of_the_dbc() -> None:
         ({"kind": "bus_off", "start_s": 1.001, "duration_s": 0.01}, "at least 1 control period"),
         ({"kind": "freeze", "messages": ["state"], "duration_s": 0.025}, "at least 2"),
         ({"kind": "rate", "signals": ["steer_rad"], "value": 0.0}, "more than 0 for rate"),
+        ({"kind": "jitter", "value": 13.0}, "at most half a control period in ms, found 13"),
         ({"kind": "bus_off", "messages": ["state"]}, "messages: expected none for bus_off"),
     ],
 )
