@@ -28,6 +28,7 @@ from benchmarks.rivals.drive import (
 from benchmarks.rivals.scenarios import NOISY, SEARCH
 from benchmarks.rivals.stanley import Gains
 from rt_controller import ControllerConfig, Drive
+from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.figures import require_writable, write_figures
 from rt_controller.model.bundle import Bundle
 from rt_controller.node import build_mpc
@@ -58,7 +59,7 @@ _GAINS = {
     "sideslip_s2_per_m": (0.0005, 0.02),
     "preview_s": (0.01, 0.28),
     "integral_per_s": (0.01, 2.0),
-    "speed_per_s": (0.2, 6.0),
+    "speed_per_s": (0.2, 20.0),
     "speed_integral_per_s2": (0.01, 2.0),
 }
 """ranges of the search, logarithmic"""
@@ -107,8 +108,14 @@ def main(
     """
     require_writable(json)
     space = _GAINS if controller == STANLEY else _WEIGHTS
+    if nearby and controller not in TUNED:
+        raise ConfigError(
+            f"--nearby: expected a rival with an earlier result ({', '.join(TUNED)}), found "
+            f"{controller}. Leave --nearby out."
+        )
+    begin = tuned_values(controller) if controller in TUNED else {}
     if nearby:
-        space = {k: (v / NEARBY, v * NEARBY) for k, v in tuned_values(controller).items()}
+        space = {k: (v / NEARBY, v * NEARBY) for k, v in begin.items()}
     optuna.logging.set_verbosity(optuna.logging.WARNING)
     console = Console(stderr=True)
 
@@ -133,12 +140,13 @@ def main(
     if not nearby:
         study.enqueue_trial({name: known[name] for name in space})
     if controller in TUNED:
-        study.enqueue_trial(tuned_values(controller))
+        study.enqueue_trial(begin)
     study.optimize(run, n_trials=trials)
     best = study.best_trial
     options = f"--controller {controller} --trials {trials} --seed {seed}{' --nearby' * nearby}"
     figures = {
         "command": f"python -m benchmarks.tuning {options}",
+        "began_at": begin,
         "cost": best.value,
         f"cost_of_{'last' if nearby else 'defaults'}": study.trials[0].value,
         "costs": best.user_attrs,

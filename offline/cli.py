@@ -37,14 +37,14 @@ HELD_OUT = EvaluationOptions()
 _MAIN_OPTIONS = "VARIANTS preset steps seed seeds only folder data resume runs init json"
 _TRAINING = {
     "Main options": _MAIN_OPTIONS,
-    "Data": "episodes data-seed windows rare-share mirror noise",
+    "Data": "episodes data-seed windows rare-share near-roads mirror noise",
     "Optimisation": "batch optimizer learning-rate matrix-rate operator-rate rate-schedule "
     "patience evaluate-every gradient-clip best-rule",
     "Loss": "objective horizon-start horizon-growth forgetting weight-single-step "
     "weight-multi-step weight-stability weight-regularisation decay-encoder decay-operator "
     "operator-prior stability through-last-step target-samples",
     "Model": "activation hidden latents latents-start constant-observable lift-exogenous products "
-    "history-steps separate-motion path-latents path-hidden bilinear-rank path-rank "
+    "history-steps separate-motion bilinear-rank "
     "saturating-gains drift-rank bilinear-follows",
     "Machine and campaign": "threads device backend address jobs lists",
 }

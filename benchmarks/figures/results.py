@@ -82,6 +82,8 @@ Found = Mapping[str, Any]
 def _evaluation(found: Found) -> Figures:
     library = found["sets"]["library"]
     slices = [part for series in found["series"].values() for part in series["slices"]]
+    bends = ("bends-left", "bends-right")
+    slices += [{"set": each, "label": "", **found["sets"][each]} for each in bends]
     return {
         "mse": {
             name: {state: x["value"] for state, x in model["mse"].items()}
@@ -92,7 +94,7 @@ def _evaluation(found: Found) -> Figures:
             for name, ratios in library["baseline_mse_over_model_mse"][SHIPPED_MODEL].items()
         },
         "mse_slices": {
-            f"{part['set']}, {part['label']}": {
+            ", ".join(filter(None, (part["set"], part["label"]))): {
                 "number": part["n_trajectories"],
                 "best linear": best,
                 **_ratios(part["baseline_mse_over_model_mse"][SHIPPED_MODEL][best]),

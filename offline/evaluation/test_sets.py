@@ -151,7 +151,7 @@ def new_roads_set(
 def bends_sets(dataset: Dataset) -> list[TestSet]:
     """Left and right bends of the radii `BEND_RADII_M` under the slices of the test part.
 
-    None if such roads cannot be laid under the data.
+    Empty if such roads cannot be laid under the data.
     """
     starts, near_car = slices_of_test_part(dataset), roads_near_car(dataset)
     if starts.anchor is None or near_car is None:

@@ -137,4 +137,4 @@ class StopCause(StrEnum):
         "the motion is outside of what the model was trained with",
         Fault.OUTSIDE_TRAINING,
     )
-    """these two of a report: nothing stops for them"""
+    """the last two are only reported: nothing stops for them"""

@@ -44,7 +44,7 @@ from rt_controller.gateway.road_place import (
     preview_on,
     stop_at_end,
 )
-from rt_controller.gateway.samples import Motion, MotionHistory, Samples, SpeedSlope
+from rt_controller.gateway.samples import Motion, MotionHistory, Sample, Samples, SpeedSlope
 from rt_controller.mapping.car_file import CarFile
 from rt_controller.mapping.signal_frames import SignalReader, SignalWriter
 from rt_controller.mapping.slots import command_slots, measured_slots
@@ -86,8 +86,6 @@ class CarEnd:
         self._commands = 0
         self._taken: Received[Command] | None = None
         self._feedback_ns: tuple[int, ...] = ()
-        self.reported: ControlInput | None = None
-        """inputs that the car reported last as applied; None: it has not"""
         self._mission: Mission | None = None
         self.course: Course | None = None
         """None: a signal is missing or not valid"""
@@ -183,7 +181,6 @@ class CarEnd:
                 send(PREVIEW, preview, now_ns, counter=tick)
         feedback = self._applied(now_ns)
         if feedback is not None:
-            self.reported = feedback
             send(FEEDBACK, feedback, now_ns)
         mission = self._requested_mission(now_ns)
         is_new = mission != self._mission
@@ -218,13 +215,22 @@ class CarEnd:
 
         The controller compares them with its commands, so old ones must not be sent again.
         """
-        samples = [self.samples.newest(f"inputs.{name}", now_ns) for name in ControlInput._fields]
-        known = [each for each in samples if each is not None and isfinite(each.value)]
+        known = self._reported(now_ns)
         times = tuple(each.measured_ns for each in known)
-        if len(known) < len(samples) or any(map(eq, times, self._feedback_ns)):
+        if not known or any(map(eq, times, self._feedback_ns)):
             return None
         self._feedback_ns = times
         return ControlInput(*(each.value for each in known))
+
+    def reported(self, now_ns: int) -> ControlInput | None:
+        """The same, also if some are not new."""
+        known = self._reported(now_ns)
+        return ControlInput(*(each.value for each in known)) if known else None
+
+    def _reported(self, now_ns: int) -> list[Sample]:
+        samples = [self.samples.newest(f"inputs.{name}", now_ns) for name in ControlInput._fields]
+        known = [each for each in samples if each is not None and isfinite(each.value)]
+        return known if len(known) == len(samples) else []
 
     def _state(self, motion: Motion, place: RoadPlace, now_ns: int) -> StateSample:
         _, vx_mps, vy_mps, yaw_rate = motion

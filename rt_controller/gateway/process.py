@@ -197,7 +197,7 @@ class Gateway:
             for name in (refusal.name or "" for refusal in found):
                 counts.refused_because[name] = counts.refused_because.get(name, 0) + 1
         else:
-            driver, mode = car_end.reported, command.content.mode
+            driver, mode = car_end.reported(now_ns), command.content.mode
             is_takeover = self._mode is Mode.STANDBY and mode is not Mode.STANDBY
             if is_takeover and driver is not None:  # who may hand over a pressed pedal
                 pedals = {"throttle": driver.throttle, "brake_n": driver.brake_n}

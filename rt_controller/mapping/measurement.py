@@ -9,6 +9,7 @@ from math import inf, isfinite, nan
 
 from cantools.database.can import Signal
 
+from rt_controller.contract.errors import ConfigError
 from rt_controller.mapping.quantity import limits_of
 from rt_controller.mapping.slots import Scaling, Slot
 from rt_controller.mapping.tables import SwitchMapping
@@ -38,6 +39,11 @@ class Measurement:
             on, off = frozenset({1}), frozenset({0})
         if on is not None and off is None:
             off = frozenset({0, 1, *names} - self._missing.keys()) - on
+        if on is not None and not off:
+            raise ConfigError(
+                f"{slot.name}: expected a raw value of {signal.name} that means off, found none: "
+                f"all are in on or stand for no value. Write off = [...]."
+            )
         self.on, self.off = on, off
         """raw values that mean 0; None: no switch, or one in SI"""
 
@@ -57,10 +63,12 @@ class Measurement:
 
     def _objection(self, raw: float, number: float) -> str:
         """Why this is no measurement; empty: it is one."""
+        if self.off is not None and raw in self.off:
+            return ""
         if raw in self._missing:
             return f"{self._missing[int(raw)]!r} in the DBC"
         if self.off is not None:
-            return "" if raw in self.off else f"{raw:g} raw, which is neither in on nor in off"
+            return f"{raw:g} raw, which is neither in on nor in off"
         if not isfinite(number):
             return "not finite"
         if not self._low - self._half_lsb <= number <= self._high + self._half_lsb:

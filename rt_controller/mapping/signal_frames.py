@@ -63,7 +63,7 @@ class _Field(Measurement):
     def to_raw(self, value: float) -> float:
         """The raw value that is sent for an SI value."""
         if self.on is not None:  # the smallest raw value that means this
-            return min(self.on) if value > 0.5 else min(self.off or self.on)
+            return min(self.on) if value > 0.5 else min(self.off or {0})
         number = self.from_si(value)
         low, high = range_of(self.signal)
         if self.slot.name == PERIODIC and isfinite(low) and not low <= number <= high:

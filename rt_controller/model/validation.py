@@ -97,7 +97,7 @@ def require_fitting_parts(bundle: Bundle, path: Path | str) -> None:
     if bundle.movement is not None:
         columns = [*range(n)[PATH_STATES]]
         refuse_unless(
-            schema.states == VEHICLE.states and schema.exogenous == VEHICLE.exogenous,
+            schema.states == VEHICLE.states and schema.exogenous[:1] == VEHICLE.exogenous,
             "the states of a car on a road of one curvature where the path follows from the motion",
             f"{schema.state_names} and {schema.exogenous_names}",
         )

@@ -85,15 +85,21 @@ class Excess(NamedTuple):
     def text(self) -> str:
         """Value and limit in one phrase."""
         shown = QUANTITIES[self.quantity]
-        of = f"{shown.number(abs(self.value))} of {shown.number(self.limit)} {shown.unit}"
-        return f"{shown.name} {of}"
+        of = "below" if self.is_below else "of"
+        numbers = f"{shown.number(abs(self.value))} {of} {shown.number(self.limit)} {shown.unit}"
+        return f"{shown.name} {numbers}"
+
+    @property
+    def is_below(self) -> bool:
+        """True for a speed below the lowest one of the training."""
+        return self.quantity == 0 and self.value < self.limit
 
     def named(self, speed_mps: float) -> str:
         """The value at its speed, and the limit in brackets."""
         shown = QUANTITIES[self.quantity]
         speed = f" at {QUANTITIES[0].number(speed_mps)} km/h" if self.quantity else ""
-        limit = shown.number(self.limit)
-        return f"{shown.text(abs(self.value))}{speed} (the model was trained to {limit})"
+        limit = f"{'from' if self.is_below else 'to'} {shown.number(self.limit)}"
+        return f"{shown.text(abs(self.value))}{speed} (the model was trained {limit})"
 
 
 _UNBOUNDED, _LEAST = 1e9, 1e-9

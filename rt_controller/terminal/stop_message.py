@@ -52,7 +52,7 @@ FAULT_SENTENCES = {
     Fault.ACTUATOR_MISMATCH: "An actuator followed the commands too late, or not at all.",
     Fault.NOT_ENGAGED: "The car was outside of the window in which the controller may begin to "
     "drive.",
-    Fault.SPEED_NOT_FOLLOWED: "The speed was more than 2 m/s from the wanted one for over 3 s.",
+    Fault.SPEED_NOT_FOLLOWED: "The speed was far from the wanted one for seconds.",
     Fault.OUTSIDE_TRAINING: "The motion was outside of what the model was trained with.",
 }
 

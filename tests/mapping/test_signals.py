@@ -165,6 +165,7 @@ def switch(*on, off=None):
         ((2, 3), None, [0.0, 0.0, 1.0, 1.0, None, None, None, None]),
         ((1,), None, [0.0, 1.0, 0.0, *[None] * 5]),
         ((0,), None, [1.0, 0.0, 0.0, *[None] * 5]),
+        ((1,), (0, 6), [0.0, 1.0, None, None, None, None, 0.0, None]),  # so does `off`
         ((7,), None, [0.0, 0.0, 0.0, *[None] * 4, 1.0]),  # `on` wins over the name of the value
         ((1,), (0, 4), [0.0, 1.0, None, None, 0.0, None, None, None]),
     ],
