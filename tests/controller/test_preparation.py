@@ -175,6 +175,7 @@ def test_reading_ahead_ends_after_a_number_of_frames(rig):
 STEPS_PER_WINDOW = 150
 
 
+@pytest.mark.nightly
 def test_steps_keep_no_memory():
     """Memory that each step keeps grows in every window; caches fill, then a window keeps none.
 
