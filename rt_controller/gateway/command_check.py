@@ -1,6 +1,7 @@
 """What a car's DBC says of the commands, compared with what is sent; before a drive."""
 
 from collections.abc import Iterator
+from itertools import combinations
 
 from cantools.database.can import Message, Signal
 
@@ -9,7 +10,7 @@ from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.signals import Mode
 from rt_controller.contract.timing import PERIOD_S
 from rt_controller.mapping.car_file import CarFile
-from rt_controller.mapping.measurement import Measurement, bits_range, placeholder, range_of
+from rt_controller.mapping.measurement import placeholder
 from rt_controller.mapping.signal_frames import SignalReader, SignalWriter
 from rt_controller.mapping.slots import command_slots
 from rt_controller.mapping.tables import MessageMapping
@@ -29,8 +30,8 @@ def require_sendable(car: CarFile, description: Car) -> None:
     reader = SignalReader(slots, mapping.messages, car.database, where)
     mistakes = list(_ranges(reader, description))
     sent: dict[str, tuple[Message, list[Signal]]] = {}
-    for message, signal in reader.sources.values():
-        sent.setdefault(message.name, (message, []))[1].append(signal)
+    for slot, (message, _) in reader.sources.items():
+        sent.setdefault(message.name, (message, []))[1].extend(reader.measurements[slot].parts)
     for name, (message, signals) in sent.items():
         settings = mapping.messages.get(name, MessageMapping())
         mistakes += [*_period(message, settings), *_protection(message, signals, settings)]
@@ -51,8 +52,9 @@ def _ranges(reader: SignalReader, car: Car) -> Iterator[str]:
     for name, measured in reader.measurements.items():
         signal, unit = measured.signal, measured.signal.unit or ""
         low, high = sorted(map(measured.from_si, sent[name]))
-        lowest, highest = _allowed(measured)
-        if lowest - abs(signal.scale) <= low and high <= highest + abs(signal.scale):
+        lowest, highest = measured.sendable
+        lsb = abs((measured.fine or signal).scale)
+        if lowest - lsb <= low and high <= highest + lsb:
             continue
         hint = placeholder(signal)
         yield (
@@ -61,12 +63,6 @@ def _ranges(reader: SignalReader, car: Car) -> Iterator[str]:
             f"sign, factor and offset, or the range in the DBC, or write what the car can do in "
             f"[car]"
         )
-
-
-def _allowed(measured: Measurement) -> tuple[float, float]:
-    """What both the range in the DBC and the bits of a signal allow."""
-    (low, high), (lowest, highest) = range_of(measured.signal), bits_range(measured.signal)
-    return max(low, lowest), min(high, highest)
 
 
 def _period(message: Message, settings: MessageMapping) -> Iterator[str]:
@@ -83,19 +79,16 @@ def _period(message: Message, settings: MessageMapping) -> Iterator[str]:
 def _protection(
     message: Message, commands: list[Signal], settings: MessageMapping
 ) -> Iterator[str]:
-    """A checksum or a counter in the place of a command or of one another."""
+    """Signals of commands, checksum, counter and constants in the place of one another."""
     names = [settings.checksum.signal] if settings.checksum else []
     names += [settings.counter] if settings.counter else []
-    others = {each.name: _bits(each) for each in commands}
-    for name in (*names, *settings.driving):
-        own = message.get_signal_by_name(name)
-        for other, bits in others.items():
-            if bits & _bits(own) and not _exclude(own, message.get_signal_by_name(other)):
-                yield (
-                    f"{message.name}: expected {name} in bits of its own, found it in those of "
-                    f"{other}. Correct [messages.{message.name}]"
-                )
-        others[name] = _bits(own)
+    own = map(message.get_signal_by_name, (*names, *settings.driving))
+    for one, other in combinations((*commands, *own), 2):
+        if _bits(one) & _bits(other) and not _exclude(one, other):
+            yield (
+                f"{message.name}: expected {other.name} in bits of its own, found it in those of "
+                f"{one.name}. Correct [commands] and [messages.{message.name}]"
+            )
 
 
 def _bits(signal: Signal) -> set[int]:
