@@ -79,10 +79,11 @@ def _period(message: Message, settings: MessageMapping) -> Iterator[str]:
 def _protection(
     message: Message, commands: list[Signal], settings: MessageMapping
 ) -> Iterator[str]:
-    """Signals of commands, checksum, counter and constants in the place of one another."""
+    """Commands, checksum, counter, constants and multiplexer in the place of one another."""
     names = [settings.checksum.signal] if settings.checksum else []
     names += [settings.counter] if settings.counter else []
-    own = map(message.get_signal_by_name, (*names, *settings.driving))
+    names += [*settings.driving, *(each.name for each in message.signals if each.is_multiplexer)]
+    own = map(message.get_signal_by_name, names)
     for one, other in combinations((*commands, *own), 2):
         if _bits(one) & _bits(other) and not _exclude(one, other):
             yield (

@@ -81,21 +81,9 @@ class _Field(Measurement):
             number = abs(number)
         if self.fine is None:
             return {**raws, self.signal.name: _raw(self.signal, number)}
-        raw = raws[self.signal.name] = _raw(self.signal, number - self._middle_of_fine())
+        raw = raws[self.signal.name] = _raw(self.signal, number - _middle(self.fine, self.signal))
         rest = number - float(raw * self.signal.scale + self.signal.offset)
         return {**raws, self.fine.name: _raw(self.fine, rest)}
-
-    def _middle_of_fine(self) -> float:
-        """The number that the fine part is at most half a step of the coarse one away from.
-
-        0, or what is nearest to it in the range of the fine part.
-        """
-        if self.fine is None:
-            return 0.0
-        (low, high), half_step = allowed_range(self.fine), 0.5 * abs(self.signal.scale)
-        if high - low < 2.0 * half_step:
-            return 0.5 * (low + high)
-        return min(max(0.0, low + half_step), high - half_step)
 
 
 class _Frame:
@@ -355,11 +343,11 @@ def _located(
         is_plain = slot.si == "1" and slot.column.unit is None
         unit = signal.unit or ("1" if is_plain else None)
         scaling = scaling_of(where, unit, slot.column, slot.name, slot.si or None)
-        parts = (slot.column.fine, slot.column.negative)
-        yield (
-            message,
-            _Field(slot, signal, scaling, *(_part(where, message, signal, p) for p in parts)),
+        fine, negative = (
+            _part(f"{where}: {slot.name}.{what}", message, signal, getattr(slot.column, what))
+            for what in ("fine", "negative")
         )
+        yield message, _Field(slot, signal, scaling, fine, negative)
 
 
 def _find(where: str, database: Database, names: Sequence[str]) -> Source:
@@ -441,6 +429,17 @@ def _first_raws(message: Message, form: int | None) -> dict[str, float]:
         for signal in message.signals
         if signal.multiplexer_ids is None or form in signal.multiplexer_ids
     }
+
+
+def _middle(fine: Signal, coarse: Signal) -> float:
+    """The number that a fine part is at most half a step of the coarse one away from.
+
+    0, or what is nearest to it in the range of the fine part.
+    """
+    (low, high), half_step = allowed_range(fine), 0.5 * abs(coarse.scale)
+    if high - low < 2.0 * half_step:
+        return 0.5 * (low + high)
+    return min(max(0.0, low + half_step), high - half_step)
 
 
 def _raw(signal: Signal, number: float) -> float:
