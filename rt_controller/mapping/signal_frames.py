@@ -22,6 +22,7 @@ from rt_controller.mapping.measurement import (
 )
 from rt_controller.mapping.slots import Slot, scaling_of
 from rt_controller.mapping.tables import MessageMapping
+from rt_controller.mapping.units import find_unit
 
 PERIODIC = "pose.yaw"
 """slot with an angle that a car may send in 0 to 360 deg, or in ±180 deg"""
@@ -362,7 +363,12 @@ def _part(where: str, message: Message, of: Signal, name: str | None) -> Signal 
     """The signal `name`, which is in every frame that has the signal `of`."""
     if name is None:
         return None
-    part = _require_signal(where, message, name)
+    part = _require_signal(where, message, name.removeprefix(f"{message.name}."))
+    if part.unit and of.unit and find_unit(part.unit) != find_unit(of.unit):
+        raise ConfigError(
+            f"{where}: expected a number in {of.unit} as that of {of.name}, found {part.unit}. Name "
+            f"another signal, or correct the unit in the DBC."
+        )
     if part.multiplexer_ids not in (None, of.multiplexer_ids):
         raise ConfigError(
             f"{where}: expected {name} in the frames that have {of.name}, found other values of "
@@ -373,7 +379,7 @@ def _part(where: str, message: Message, of: Signal, name: str | None) -> Signal 
 
 def _require_signal(where: str, message: Message, name: str) -> Signal:
     try:
-        return message.get_signal_by_name(name.removeprefix(f"{message.name}."))
+        return message.get_signal_by_name(name)
     except KeyError as error:
         names = ", ".join(signal.name for signal in message.signals)
         raise ConfigError(

@@ -27,6 +27,7 @@ BO_ 16 Wheel: 8 CAR
  SG_ Fraction : 39|4@0- (0.1,0) [-0.7|0.7] "deg" PC
  SG_ Steps : 40|8@1+ (2,-20) [0|0] "deg" PC
  SG_ Rest : 48|5@1+ (0.1,0) [0|2.5] "deg" PC
+ SG_ Minutes : 56|6@1+ (0.001,0) [0|0] "rad" PC
 BO_ 17 Other: 8 CAR
  SG_ Page M : 0|1@1+ (1,0) [0|1] "" PC
  SG_ First m0 : 8|8@1+ (1,0) [0|0] "deg" PC
@@ -111,10 +112,11 @@ def test_there_is_no_measurement_if_a_part_is_none(column, raws, expected_deg):
     ("column", "message"),
     [
         ({"column": "Steps", "fine": "First"}, r"angle_rad\.fine: expected a signal of Wheel \("),
+        ({"column": "Steps", "fine": "Minutes"}, "a number in deg as that of Steps, found rad"),
         ({"column": "First", "fine": "Second"}, "in the frames that have First"),
     ],
 )
-def test_parts_are_in_the_same_frames(column, message):
+def test_parts_are_in_the_same_frames_and_units(column, message):
     with pytest.raises(ConfigError, match=message):
         both_ways(0.0, **column)
 
