@@ -348,6 +348,12 @@ def _located(
             _part(f"{where}: {slot.name}.{what}", message, signal, getattr(slot.column, what))
             for what in ("fine", "negative")
         )
+        of_fine = find_unit(fine.unit) if fine is not None and fine.unit else None
+        if of_fine and fine and unit and find_unit(unit) not in (None, of_fine):
+            raise ConfigError(
+                f"{where}: {slot.name}.fine: expected a number in {unit} as that of {signal.name}, "
+                f"found {fine.unit}. Name another signal, or correct the unit in the DBC."
+            )
         yield message, _Field(slot, signal, scaling, fine, negative)
 
 
@@ -364,11 +370,6 @@ def _part(where: str, message: Message, of: Signal, name: str | None) -> Signal 
     if name is None:
         return None
     part = _require_signal(where, message, name.removeprefix(f"{message.name}."))
-    if part.unit and of.unit and find_unit(part.unit) != find_unit(of.unit):
-        raise ConfigError(
-            f"{where}: expected a number in {of.unit} as that of {of.name}, found {part.unit}. Name "
-            f"another signal, or correct the unit in the DBC."
-        )
     if part.multiplexer_ids not in (None, of.multiplexer_ids):
         raise ConfigError(
             f"{where}: expected {name} in the frames that have {of.name}, found other values of "
