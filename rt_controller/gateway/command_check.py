@@ -2,14 +2,14 @@
 
 from collections.abc import Iterator
 
-from cantools.database.can import Message, Signal
+from cantools.database.can import Message
 
 from rt_controller.contract.car import Car
 from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.signals import Mode
 from rt_controller.contract.timing import PERIOD_S
 from rt_controller.mapping.car_file import CarFile
-from rt_controller.mapping.measurement import Measurement, bits_range, placeholder, range_of
+from rt_controller.mapping.measurement import placeholder
 from rt_controller.mapping.signal_frames import SignalReader, SignalWriter
 from rt_controller.mapping.slots import command_slots
 from rt_controller.mapping.tables import MessageMapping
@@ -28,12 +28,13 @@ def require_sendable(car: CarFile, description: Car) -> None:
     SignalWriter(slots, mapping.messages, car.database, where)
     reader = SignalReader(slots, mapping.messages, car.database, where)
     mistakes = list(_ranges(reader, description))
-    sent: dict[str, tuple[Message, list[Signal]]] = {}
-    for message, signal in reader.sources.values():
-        sent.setdefault(message.name, (message, []))[1].append(signal)
-    for name, (message, signals) in sent.items():
+    sent: dict[str, tuple[Message, list[tuple[str, str]]]] = {}
+    for slot, (message, _) in reader.sources.items():
+        tasks = sent.setdefault(message.name, (message, []))[1]
+        tasks += [(part.name, slot) for part in reader.measurements[slot].parts]
+    for name, (message, tasks) in sent.items():
         settings = mapping.messages.get(name, MessageMapping())
-        mistakes += [*_period(message, settings), *_protection(message, signals, settings)]
+        mistakes += [*_period(message, settings), *_protection(message, tasks, settings)]
     if mistakes:
         listed = "".join(f"\n  {each}" for each in mistakes)
         raise ConfigError(f"{where}: {mapping.can.dbc.name} does not allow the commands:{listed}")
@@ -51,8 +52,9 @@ def _ranges(reader: SignalReader, car: Car) -> Iterator[str]:
     for name, measured in reader.measurements.items():
         signal, unit = measured.signal, measured.signal.unit or ""
         low, high = sorted(map(measured.from_si, sent[name]))
-        lowest, highest = _allowed(measured)
-        if lowest - abs(signal.scale) <= low and high <= highest + abs(signal.scale):
+        lowest, highest = measured.sendable
+        lsb = abs((measured.fine or signal).scale)
+        if lowest - lsb <= low and high <= highest + lsb:
             continue
         hint = placeholder(signal)
         yield (
@@ -61,12 +63,6 @@ def _ranges(reader: SignalReader, car: Car) -> Iterator[str]:
             f"sign, factor and offset, or the range in the DBC, or write what the car can do in "
             f"[car]"
         )
-
-
-def _allowed(measured: Measurement) -> tuple[float, float]:
-    """What both the range in the DBC and the bits of a signal allow."""
-    (low, high), (lowest, highest) = range_of(measured.signal), bits_range(measured.signal)
-    return max(low, lowest), min(high, highest)
 
 
 def _period(message: Message, settings: MessageMapping) -> Iterator[str]:
@@ -81,10 +77,13 @@ def _period(message: Message, settings: MessageMapping) -> Iterator[str]:
 
 
 def _protection(
-    message: Message, commands: list[Signal], settings: MessageMapping
+    message: Message, commands: list[tuple[str, str]], settings: MessageMapping
 ) -> Iterator[str]:
     """A signal that has two tasks: a DBC where two signals share bits is refused before."""
-    tasks = [(each.name, "a command") for each in commands]
+    tasks = [
+        *commands,
+        *((each.name, "multiplexer") for each in message.signals if each.is_multiplexer),
+    ]
     tasks += [(settings.checksum.signal, "the checksum")] if settings.checksum else []
     tasks += [(settings.counter, "the counter")] if settings.counter else []
     tasks += [(name, "a constant of driving") for name in settings.driving]

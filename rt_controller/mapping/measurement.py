@@ -5,6 +5,7 @@ gap in all.
 """
 
 from collections import Counter
+from collections.abc import Sequence
 from math import inf, isfinite, nan
 
 from cantools.database.can import Signal
@@ -20,25 +21,37 @@ ALLOWED_UNUSABLE_SHARE = 0.01
 
 
 class Measurement:
-    """The raw values of one slot, and what they mean."""
+    """The raw values of one slot, and what they mean.
 
-    def __init__(self, slot: Slot, signal: Signal, scaling: Scaling) -> None:
+    Its number is that of `signal`, plus that of `fine`, and negative if `negative` is set. There is
+    no measurement if one of them is none.
+    """
+
+    def __init__(
+        self,
+        slot: Slot,
+        signal: Signal,
+        scaling: Scaling,
+        fine: Signal | None = None,
+        negative: Signal | None = None,
+    ) -> None:
         self.slot, self.signal, self.scaling = slot, signal, scaling
+        self.fine, self.negative = fine, negative
+        self.summands = (signal, fine) if fine else (signal,)
+        self.parts = (*self.summands, negative) if negative else self.summands
         self.samples = 0
         self.unusable: Counter[str] = Counter()
         """numbers of samples that are none, by why"""
         limits = limits_of(slot.quantity, scaling.si)
         self.plausible = slot.plausible or (limits.low, limits.high)
         """in SI"""
-        self._low, self._high = range_of(signal) if slot.plausible is None else (-inf, inf)
-        self._half_lsb = 0.5 * abs(signal.scale)
-        names = {int(raw): str(text) for raw, text in (signal.choices or {}).items()}
-        self._missing = {raw: text for raw, text in names.items() if stands_for_no_value(text)}
+        self._ranges = tuple(map(range_of, self.parts)) if slot.plausible is None else ()
+        self._missing = tuple(map(missing_values, self.parts))
         on, off = slot.on, slot.off
         if on is None and isinstance(slot.column, SwitchMapping) and _is_number_of_state(signal):
             on, off = frozenset({1}), frozenset({0})
         if on is not None and off is None:
-            off = frozenset({0, 1, *names} - self._missing.keys()) - on
+            off = frozenset({0, 1, *(signal.choices or ())} - self._missing[0].keys()) - on
         if on is not None and not off:
             raise ConfigError(
                 f"{slot.name}: expected a raw value of {signal.name} that means off, found none: "
@@ -47,32 +60,42 @@ class Measurement:
         self.on, self.off = on, off
         """raw values that mean 0; None: no switch, or one in SI"""
 
-    def number(self, raw: float) -> float:
-        """In the unit of the DBC; NaN: no measurement. A switch has 1 or 0."""
+    def number(self, *raws: float) -> float:
+        """Of the raw values of `parts`, in the unit of the DBC; NaN: no measurement.
+
+        A switch has 1 or 0.
+        """
         self.samples += 1
-        if self.on is not None and raw in self.on:
+        if self.on is not None and raws[0] in self.on:
             return 1.0
-        number = 0.0
-        if self.on is None:
-            number = float(raw * self.signal.scale + self.signal.offset)
-        reason = self._objection(raw, number)
+        numbers = [
+            float(raw * part.scale + part.offset)
+            for raw, part in zip(raws, self.parts, strict=True)
+        ]
+        number = 0.0 if self.on is not None else sum(numbers[: len(self.summands)])
+        if self.negative is not None and raws[-1] != 0:
+            number = -number
+        reason = self._objection(raws, numbers, number)
         if not reason:
             return number
         self.unusable[reason] += 1
         return nan
 
-    def _objection(self, raw: float, number: float) -> str:
+    def _objection(self, raws: Sequence[float], numbers: Sequence[float], number: float) -> str:
         """Why this is no measurement; empty: it is one."""
-        if self.off is not None and raw in self.off:
+        if self.off is not None and raws[0] in self.off:
             return ""
-        if raw in self._missing:
-            return f"{self._missing[int(raw)]!r} in the DBC"
+        for raw, missing in zip(raws, self._missing, strict=True):
+            if raw in missing:
+                return f"{missing[int(raw)]!r} in the DBC"
         if self.off is not None:
-            return f"{raw:g} raw, which is neither in on nor in off"
+            return f"{raws[0]:g} raw, which is neither in on nor in off"
         if not isfinite(number):
             return "not finite"
-        if not self._low - self._half_lsb <= number <= self._high + self._half_lsb:
-            return f"outside of [{self._low:g}, {self._high:g}], the range of the DBC"
+        for part, (low, high), each in zip(self.parts, self._ranges, numbers, strict=False):
+            half_lsb = 0.5 * abs(part.scale)
+            if not low - half_lsb <= each <= high + half_lsb:
+                return f"outside of [{low:g}, {high:g}], the range of the DBC"
         low, high = self.plausible
         return "" if low <= self.to_si(number) <= high else self.implausible
 
@@ -83,8 +106,10 @@ class Measurement:
         remedy = "the car has no value then; if it has, correct the DBC"
         if self.unusable[self.implausible] or any("range of" in each for each in self.unusable):
             remedy = f"check unit, factor and offset, or write plausible for {name}"
-        if hint := placeholder(self.signal):
-            low, high = range_of(self.signal)
+        for part, hint in ((part, placeholder(part)) for part in self.summands):
+            if not hint:
+                continue
+            low, high = range_of(part)
             remedy = (
                 f"the range [{low:g}, {high:g}] of the DBC is a placeholder ({hint}): write "
                 f"plausible for {name}, which replaces it, or correct the DBC"
@@ -99,6 +124,12 @@ class Measurement:
         low, high = self.plausible
         return f"outside of [{low:g}, {high:g}] {self.scaling.si}, the plausible range"
 
+    @property
+    def sendable(self) -> tuple[float, float]:
+        """The smallest and the largest number that range and bits of the DBC allow, in its unit."""
+        low, high = map(sum, zip(*map(allowed_range, self.summands), strict=True))
+        return (low if self.negative is None else -high), high
+
     def to_si(self, number: float) -> float:
         """The SI value of what `number` returns."""
         if self.on is not None:
@@ -108,6 +139,12 @@ class Measurement:
     def from_si(self, value: float) -> float:
         """The number in the unit of the DBC for an SI value."""
         return (value - self.scaling.offset) / self.scaling.factor
+
+
+def missing_values(signal: Signal) -> dict[int, str]:
+    """The raw values of a signal that stand for no value, and their names."""
+    names = {int(raw): str(text) for raw, text in (signal.choices or {}).items()}
+    return {raw: text for raw, text in names.items() if stands_for_no_value(text)}
 
 
 def _is_number_of_state(signal: Signal) -> bool:
@@ -132,6 +169,12 @@ def bits_range(signal: Signal) -> tuple[float, float]:
     ends = (smallest, smallest + (1 << signal.length) - 1)
     low, high = sorted(float(raw * signal.scale + signal.offset) for raw in ends)
     return low, high
+
+
+def allowed_range(signal: Signal) -> tuple[float, float]:
+    """What both the range in the DBC and the bits of a signal allow, in its unit."""
+    (low, high), (lowest, highest) = range_of(signal), bits_range(signal)
+    return max(low, lowest), min(high, highest)
 
 
 def placeholder(signal: Signal) -> str:

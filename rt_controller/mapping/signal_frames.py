@@ -1,12 +1,10 @@
 """Frames of a car's own messages: from and to SI values of the mapped signals."""
 
 from collections import deque
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from functools import reduce
 from math import floor, isfinite, tau
-from operator import xor
 
 import can
 import cantools
@@ -15,9 +13,16 @@ from cantools.database.can import Database, Message, Signal
 from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.timing import PERIOD_S
 from rt_controller.mapping.car_file import Source, find_source
-from rt_controller.mapping.measurement import ALLOWED_UNUSABLE_SHARE, Measurement, range_of
+from rt_controller.mapping.checksum import Place, checksum_of, place_of
+from rt_controller.mapping.measurement import (
+    ALLOWED_UNUSABLE_SHARE,
+    Measurement,
+    allowed_range,
+    range_of,
+)
 from rt_controller.mapping.slots import Slot, scaling_of
-from rt_controller.mapping.tables import Checksum, ChecksumKind, MessageMapping
+from rt_controller.mapping.tables import MessageMapping
+from rt_controller.mapping.units import find_unit
 
 PERIODIC = "pose.yaw"
 """slot with an angle that a car may send in 0 to 360 deg, or in ±180 deg"""
@@ -55,21 +60,31 @@ class ReadCounts:
     """same counter as the frame before; dropped"""
     lost: int = 0
     """missing between two counters"""
+    sources: frozenset[int] = frozenset()
+    """addresses that send a message with source = "any" """
 
 
 class _Field(Measurement):
     """One slot in one message."""
 
-    def to_raw(self, value: float) -> float:
-        """The raw value that is sent for an SI value."""
+    def to_raws(self, value: float) -> dict[str, float]:
+        """The raw values that are sent for an SI value, by signal."""
         if self.on is not None:  # the smallest raw value that means this
-            return min(self.on) if value > 0.5 else min(self.off or {0})
+            return {self.signal.name: min(self.on if value > 0.5 else self.off or {0})}
         number = self.from_si(value)
-        low, high = range_of(self.signal)
+        low, high = self.sendable
         if self.slot.name == PERIODIC and isfinite(low) and not low <= number <= high:
             turn = abs(tau / self.scaling.factor)
             number -= turn * floor((number - low) / turn)
-        return _raw(self.signal, number)
+        raws: dict[str, float] = {}
+        if self.negative is not None:
+            raws[self.negative.name] = float(number < 0.0)
+            number = abs(number)
+        if self.fine is None:
+            return {**raws, self.signal.name: _raw(self.signal, number)}
+        raw = raws[self.signal.name] = _raw(self.signal, number - _middle(self.fine, self.signal))
+        rest = number - float(raw * self.signal.scale + self.signal.offset)
+        return {**raws, self.fine.name: _raw(self.fine, rest)}
 
 
 class _Frame:
@@ -81,23 +96,45 @@ class _Frame:
         self.raws: dict[str, float] = {}
         """of every signal of a frame that is sent"""
         self.counts = ReadCounts()
-        self.last: int | None = None
-        """counter of the newest frame that was read"""
+        self.last: dict[int, int] = {}
+        """counter of the newest frame that was read, by identifier"""
         self.counter: Signal | None = None
-        self.checksum_place: int | None = None
+        self.place: Place | None = None
+        """of the checksum"""
+        where, checksum, source = f"messages.{message.name}", settings.checksum, settings.source
         if settings.counter is not None:
-            self.counter = _require_signal(message, settings.counter, "counter")
-        if settings.checksum is not None:
-            self.checksum_place = _checksum_place(message, settings.checksum)
+            self.counter = _require_signal(f"{where}.counter", message, settings.counter)
+        if checksum is not None:
+            signal = _require_signal(f"{where}.checksum", message, checksum.signal)
+            self.place = place_of(f"{where}.checksum", checksum, signal)
+        self.identifier = int(message.frame_id)
+        if source is None:
+            return
+        if not message.is_extended_frame:
+            raise ConfigError(
+                f"{where}.source: expected a message with a 29-bit identifier, whose lowest 8 bits "
+                f"are the source address, found the 11-bit identifier {self.identifier:#x}. Leave "
+                f"source out."
+            )
+        if source != "any":
+            self.identifier = self.identifier & ~0xFF | source
 
-    def checksum(self, data: bytes | bytearray) -> int:
-        """Over the data without its own byte, and the bytes that are not transmitted."""
-        settings, place = self.settings.checksum, self.checksum_place
+    @property
+    def key(self) -> tuple[int, bool | None]:
+        """Of the frames that are read: identifier and whether it has 29 bits.
+
+        If the source does not count, the bits above it and None.
+        """
+        if self.settings.source == "any":
+            return self.identifier >> 8, None
+        return self.identifier, self.message.is_extended_frame
+
+    def checksum(self, identifier: int, data: bytes | bytearray, counter: int) -> int:
+        """That a frame must have; 0 if the message has none."""
+        settings, place = self.settings.checksum, self.place
         if settings is None or place is None:
             return 0
-        return _CHECKSUMS[settings.kind](
-            bytes(data[:place]) + bytes(data[place + 1 :]) + bytes(settings.data_id)
-        )
+        return checksum_of(settings, place, identifier, data, counter)
 
 
 class SignalReader:
@@ -119,19 +156,28 @@ class SignalReader:
         self.sources: dict[str, Source] = {}
         self.measurements: dict[str, Measurement] = {}
         """by slot"""
-        self._frames: dict[tuple[int, bool], _Frame] = {}
+        self._frames: dict[tuple[int, bool | None], _Frame] = {}
         for message, field in _located(slots, database, where):
             self.sources[field.slot.name] = Source(message, field.signal)
             self.measurements[field.slot.name] = field
-            key = message.frame_id, message.is_extended_frame
-            if key not in self._frames:
-                self._frames[key] = _Frame(message, messages.get(message.name, MessageMapping()))
-            self._frames[key].fields.append(field)
+            frame = _Frame(message, messages.get(message.name, MessageMapping()))
+            frame = self._frames.setdefault(frame.key, frame)
+            if frame.message is not message:
+                raise ConfigError(
+                    f"{where}: expected one message for the identifier {frame.identifier:#x}, "
+                    f"found {frame.message.name} and {message.name}. Correct source in [messages]."
+                )
+            frame.fields.append(field)
         self.counts = {each.message.name: each.counts for each in self._frames.values()}
 
     def has(self, frame: can.Message) -> bool:
         """True if a slot is in messages with this identifier."""
-        return (frame.arbitration_id, frame.is_extended_id) in self._frames
+        return self._known(frame) is not None
+
+    def _known(self, frame: can.Message) -> _Frame | None:
+        number, is_extended = frame.arbitration_id, frame.is_extended_id
+        known = self._frames.get((number, is_extended))
+        return self._frames.get((number >> 8, None)) if known is None and is_extended else known
 
     def objection(self, name: str) -> tuple[str, str]:
         """Why the frames of a slot cannot be used, and what to do; empty: they can.
@@ -143,7 +189,13 @@ class SignalReader:
         if counts.wrong_checksum > counts.accepted:
             return (
                 f"{counts.wrong_checksum} frames of {message.name} with a wrong checksum",
-                f"Correct [messages.{message.name}] checksum: kind, signal, data_id",
+                f"Correct [messages.{message.name}] checksum: kind, signal, parameters",
+            )
+        if len(counts.sources) > 1:
+            listed = ", ".join(f"{address:#04x}" for address in sorted(counts.sources))
+            return (
+                f"frames of {message.name} from {len(counts.sources)} source addresses ({listed})",
+                f"Name the one that is read: [messages.{message.name}] source = 0x…",
             )
         if counts.wrong_length > ALLOWED_UNUSABLE_SHARE * counts.accepted:
             return (
@@ -153,8 +205,9 @@ class SignalReader:
             )
         if measured.samples:
             return "", ""
+        known = next(each for each in self._frames.values() if each.message is message)
         kind = "29-bit" if message.is_extended_frame else "11-bit"
-        problem = f"no sample: no frame of {message.name} ({kind} id {message.frame_id:#x})"
+        problem = f"no sample: no frame of {message.name} ({kind} id {known.identifier:#x})"
         if counts.accepted:
             problem = (
                 f"no sample, although {message.name} arrives: its multiplexer value is not sent"
@@ -173,7 +226,7 @@ class SignalReader:
 
     def numbers(self, frame: can.Message) -> dict[str, float] | None:
         """The same in the units of the DBC; of a switch 1 or 0."""
-        known = self._frames.get((frame.arbitration_id, frame.is_extended_id))
+        known, identifier = self._known(frame), frame.arbitration_id
         if known is None or frame.is_error_frame or frame.is_remote_frame:
             return None
         counts, data, counter = known.counts, bytes(frame.data), known.counter
@@ -182,24 +235,28 @@ class SignalReader:
         except (cantools.Error, ValueError):
             counts.wrong_length, counts.found_bytes = counts.wrong_length + 1, len(data)
             return None
-        place = known.checksum_place
-        if place is not None and data[place] != known.checksum(data):
+        counted = None if counter is None else raws.get(counter.name)
+        number = counted if isinstance(counted, int) else 0
+        if known.place and known.place.read(data) != known.checksum(identifier, data, number):
             counts.wrong_checksum += 1
             return None
-        if counter is not None and counter.name in raws:
-            number = int(raws[counter.name])  # type: ignore[arg-type]
-            step = 1 if known.last is None else (number - known.last) % counts_to(counter)
+        if counter is not None and counted is not None:
+            step = (number - known.last.get(identifier, number - 1)) % counts_to(counter)
             if step == 0:
                 counts.repeated += 1
                 return None
             counts.lost += step - 1
-            known.last = number
+            known.last[identifier] = number
         counts.accepted += 1
-        return {
-            field.slot.name: field.number(raw)
-            for field in known.fields
-            if isinstance(raw := raws.get(field.signal.name), int | float)
-        }
+        if known.settings.source == "any":
+            counts.sources |= {identifier & 0xFF}
+        numbers = {}
+        for field in known.fields:
+            found = (raws.get(part.name) for part in field.parts)
+            values = [raw for raw in found if isinstance(raw, int | float)]
+            if len(values) == len(field.parts):
+                numbers[field.slot.name] = field.number(*values)
+        return numbers
 
 
 class SignalWriter:
@@ -220,7 +277,6 @@ class SignalWriter:
         self._frames: dict[tuple[str, int | None], _Frame] = {}
         self._counters: dict[str, int] = {}
         found = list(_located(slots, database, where))
-        self._identifiers = {(of.frame_id, of.is_extended_frame) for of, _ in found}
         for message, field in found:
             every: set[int | None] = {
                 each.signal.multiplexer_ids[0]
@@ -236,6 +292,8 @@ class SignalWriter:
                     frame.raws = _first_raws(message, form)
                     self._frames[key] = frame
                 self._frames[key].fields.append(field)
+        sent = self._frames.values()
+        self._identifiers = {(each.identifier, each.message.is_extended_frame) for each in sent}
 
     def has(self, frame: can.Message) -> bool:
         """True if this sends messages with the identifier of the frame."""
@@ -265,15 +323,15 @@ class SignalWriter:
             if name in raws:
                 raws[name] = _raw(message.get_signal_by_name(name), number)
         for field in frame.fields:
-            raws[field.signal.name] = field.to_raw(values[field.slot.name])
+            raws |= field.to_raws(values[field.slot.name])
+        counter, number = 0, frame.identifier
         if frame.counter is not None:
-            counter = self._counters.get(message.name, -1) + 1
-            counter %= counts_to(frame.counter)
+            counter = (self._counters.get(message.name, -1) + 1) % counts_to(frame.counter)
             self._counters[message.name] = raws[frame.counter.name] = counter
         data = bytearray(message.encode(raws, scaling=False, strict=False))
-        if frame.checksum_place is not None:
-            data[frame.checksum_place] = frame.checksum(data)
-        number, is_extended = message.frame_id, message.is_extended_frame
+        if frame.place is not None:
+            frame.place.write(data, frame.checksum(number, data, counter))
+        is_extended = message.is_extended_frame
         return can.Message(0.0, number, is_extended, is_rx=False, data=data, check=True)
 
 
@@ -286,7 +344,17 @@ def _located(
         is_plain = slot.si == "1" and slot.column.unit is None
         unit = signal.unit or ("1" if is_plain else None)
         scaling = scaling_of(where, unit, slot.column, slot.name, slot.si or None)
-        yield message, _Field(slot, signal, scaling)
+        fine, negative = (
+            _part(f"{where}: {slot.name}.{what}", message, signal, getattr(slot.column, what))
+            for what in ("fine", "negative")
+        )
+        of_fine = find_unit(fine.unit) if fine is not None and fine.unit else None
+        if of_fine and fine and unit and find_unit(unit) not in (None, of_fine):
+            raise ConfigError(
+                f"{where}: {slot.name}.fine: expected a number in {unit} as that of {signal.name}, "
+                f"found {fine.unit}. Name another signal, or correct the unit in the DBC."
+            )
+        yield message, _Field(slot, signal, scaling, fine, negative)
 
 
 def _find(where: str, database: Database, names: Sequence[str]) -> Source:
@@ -297,14 +365,27 @@ def _find(where: str, database: Database, names: Sequence[str]) -> Source:
     return find_source(where, database, names[-1])
 
 
-def _require_signal(message: Message, name: str, what: str) -> Signal:
+def _part(where: str, message: Message, of: Signal, name: str | None) -> Signal | None:
+    """The signal `name`, which is in every frame that has the signal `of`."""
+    if name is None:
+        return None
+    part = _require_signal(where, message, name.removeprefix(f"{message.name}."))
+    if part.multiplexer_ids not in (None, of.multiplexer_ids):
+        raise ConfigError(
+            f"{where}: expected {name} in the frames that have {of.name}, found other values of "
+            f"the multiplexer. Name a signal of the same frames."
+        )
+    return part
+
+
+def _require_signal(where: str, message: Message, name: str) -> Signal:
     try:
         return message.get_signal_by_name(name)
     except KeyError as error:
         names = ", ".join(signal.name for signal in message.signals)
         raise ConfigError(
-            f"messages.{message.name}.{what}: expected a signal of this message ({names}), found "
-            f"{name!r}. Correct the name."
+            f"{where}: expected a signal of {message.name} ({names}), found {name!r}. Correct the "
+            f"name."
         ) from error
 
 
@@ -315,24 +396,11 @@ def counts_to(counter: Signal) -> int:
     return int(high) + 1 if low == 0.0 and 1.0 < high < every else every
 
 
-def _checksum_place(message: Message, checksum: Checksum) -> int:
-    """The byte of a message that is its checksum."""
-    signal = _require_signal(message, checksum.signal, "checksum")
-    begin = 0 if signal.byte_order == "little_endian" else 7
-    if signal.length != 8 or signal.start % 8 != begin:
-        raise ConfigError(
-            f"messages.{message.name}.checksum: expected a signal that is one whole byte, found "
-            f"{signal.name} at bit {signal.start} with {signal.length} bits. Leave the checksum "
-            f"out; the frame is then used unchecked."
-        )
-    return int(signal.start) // 8
-
-
 def _require_sendable(frame: _Frame) -> None:
     message, settings = frame.message, frame.settings
     for what, names in (("driving", settings.driving), ("standby", settings.standby)):
         for name in names:
-            _require_signal(message, name, what)
+            _require_signal(f"messages.{message.name}.{what}", message, name)
     if settings.driving.keys() != settings.standby.keys():
         raise ConfigError(
             f"messages.{message.name}: expected the same signals in driving and standby, found "
@@ -370,6 +438,17 @@ def _first_raws(message: Message, form: int | None) -> dict[str, float]:
     }
 
 
+def _middle(fine: Signal, coarse: Signal) -> float:
+    """The number that a fine part is at most half a step of the coarse one away from.
+
+    0, or what is nearest to it in the range of the fine part.
+    """
+    (low, high), half_step = allowed_range(fine), 0.5 * abs(coarse.scale)
+    if high - low < 2.0 * half_step:
+        return 0.5 * (low + high)
+    return min(max(0.0, low + half_step), high - half_step)
+
+
 def _raw(signal: Signal, number: float) -> float:
     """The raw value nearest to a number in the DBC's unit."""
     low, high = range_of(signal)
@@ -378,23 +457,3 @@ def _raw(signal: Signal, number: float) -> float:
         return float(raw)
     smallest = -(1 << signal.length - 1) if signal.is_signed else 0
     return min(max(round(raw), smallest), smallest + (1 << signal.length) - 1)
-
-
-def _crc8(polynomial: int) -> Callable[[bytes], int]:
-    """Start and final value 0xFF, not reflected, as in AUTOSAR's CRC library."""
-
-    def shifted(byte: int) -> int:
-        for _ in range(8):
-            byte = (byte << 1) ^ (polynomial if byte & 0x80 else 0)
-        return byte & 0xFF
-
-    table = tuple(map(shifted, range(256)))
-    return lambda data: reduce(lambda crc, byte: table[crc ^ byte], data, 0xFF) ^ 0xFF
-
-
-_CHECKSUMS: dict[ChecksumKind, Callable[[bytes], int]] = {
-    "crc8_0x1d": _crc8(0x1D),
-    "crc8_0x2f": _crc8(0x2F),
-    "xor8": lambda data: reduce(xor, data, 0),
-    "sum8": lambda data: sum(data) & 0xFF,
-}

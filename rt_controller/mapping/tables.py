@@ -12,6 +12,7 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import (
     AfterValidator,
     BaseModel,
+    BeforeValidator,
     ConfigDict,
     Field,
     FiniteFloat,
@@ -54,6 +55,17 @@ def _of_time(unit: str) -> str:
     return unit
 
 
+def _column_of(value: object) -> object:
+    """The name of a signal, which may be in a table as other columns are."""
+    return value["column"] if isinstance(value, dict) and value.keys() == {"column"} else value
+
+
+def _known_kind(kind: str) -> str:
+    if kind not in CHECKSUM_PARAMETERS:
+        raise ValueError(f"expected one of {', '.join(CHECKSUM_PARAMETERS)}; {CHECKSUM_LIMIT}")
+    return kind
+
+
 def _in_folder(path: Path, info: ValidationInfo) -> Path:
     """The path, relative to the folder of the mapping file."""
     return info.context / path if info.context else path
@@ -62,7 +74,20 @@ def _in_folder(path: Path, info: ValidationInfo) -> Path:
 Interval = Annotated[tuple[float, float], AfterValidator(_in_order)]
 UnitName = Annotated[str, AfterValidator(_allowed)]
 RelativePath = Annotated[Path, AfterValidator(_in_folder)]
-ChecksumKind = Literal["crc8_0x1d", "crc8_0x2f", "xor8", "sum8"]
+PartName = Annotated[str, BeforeValidator(_column_of)]
+Byte = Annotated[int, Field(ge=0, le=255, strict=True)]
+CHECKSUM_LIMIT = (
+    "checksums of 4 or 8 bits within one byte are known: CRC-8 (not reflected), sum and XOR over "
+    "all other bits of the frame"
+)
+_OF_SUMS = ("identifier", "length", "complement")
+CHECKSUM_PARAMETERS = {
+    "crc8": ("polynomial", "start", "final_xor", "data_id_first"),
+    **dict.fromkeys(("crc8_0x1d", "crc8_0x2f"), ("data_id_first",)),
+    **dict.fromkeys(("xor8", "xor4"), _OF_SUMS[:2]),
+    **dict.fromkeys(("sum8", "sum4"), _OF_SUMS),
+}
+"""by kind, beside those of all"""
 
 
 class MappingTable(BaseModel):
@@ -112,6 +137,10 @@ class ColumnMapping(MappingTable):
     sign: Literal[1, -1] = 1
     factor: Annotated[FiniteFloat, AfterValidator(_not_zero)] = 1.0
     offset: FiniteFloat = 0.0
+    fine: PartName | None = None
+    """signal of the same CAN message, whose number is added to that of the column"""
+    negative: PartName | None = None
+    """signal of the same CAN message; if its raw value is not 0, the number is negative"""
     delay_s: FiniteFloat = 0.0
     """delay of the log: a sample stamped t was measured at t - delay_s"""
     sampling: Sampling = Sampling.SAMPLED
@@ -227,12 +256,44 @@ Value = SignalMapping | FiniteFloat
 
 
 class Checksum(MappingTable):
-    """Checksum of a message: eight bits over all of its other bytes, and those of `data_id`."""
+    """Checksum of a message; see `mapping.checksum`."""
 
     signal: str
-    kind: ChecksumKind
-    data_id: tuple[Annotated[int, Field(ge=0, le=255)], ...] = ()
+    kind: Annotated[str, AfterValidator(_known_kind)]
+    """crc8_0x1d, crc8_0x2f: those of AUTOSAR; sum4, xor4: over nibbles"""
+    data_id: tuple[Byte, ...] = ()
     """bytes that are not transmitted, after those of the frame"""
+    data_ids: Annotated[tuple[Byte, ...], Field(min_length=16, max_length=16)] = ()
+    """the same; the counter of the frame selects one"""
+    data_id_first: bool = False
+    """these bytes come before those of the frame"""
+    polynomial: Byte | None = None
+    """without the highest bit, which is always 1"""
+    start: Byte = 0
+    final_xor: Byte = 0
+    identifier: bool = False
+    """the bytes of the identifier are part of the sum"""
+    length: bool = False
+    """the number of bytes of the frame is part of the sum"""
+    complement: Annotated[int, Field(ge=0, le=256)] | None = None
+    """this number minus the sum is sent; None: the sum"""
+
+    @property
+    def bits(self) -> int:
+        """Number of bits of the checksum."""
+        return 4 if self.kind.endswith("4") else 8
+
+    @model_validator(mode="after")
+    def _require_fitting(self) -> Self:
+        own = ("data_id", "data_ids", *CHECKSUM_PARAMETERS[self.kind])
+        others = sorted(self.model_fields_set - {"signal", "kind", *own})
+        if others:
+            raise ValueError(
+                f"expected parameters of {self.kind} ({', '.join(own)}), found {', '.join(others)}"
+            )
+        if self.kind == "crc8" and self.polynomial is None:
+            raise ValueError("expected a polynomial for crc8, found none")
+        return self
 
 
 class MessageMapping(MappingTable):
@@ -242,9 +303,18 @@ class MessageMapping(MappingTable):
     """None: GenMsgCycleTime of the DBC; of a command at least a control period"""
     counter: str | None = None
     checksum: Checksum | None = None
+    source: Literal["any"] | Byte | None = None
+    """source address of a J1939 message, the lowest 8 bits of its identifier; None: as in the DBC,
+    "any": all are read, and that of the DBC is sent"""
     driving: dict[str, FiniteFloat] = Field(default_factory=dict)
     """other signals of a message with commands, while the controller drives or brakes the car"""
     standby: dict[str, FiniteFloat] = Field(default_factory=dict)
+
+    @model_validator(mode="after")
+    def _require_counter(self) -> Self:
+        if self.checksum and self.checksum.data_ids and self.counter is None:
+            raise ValueError("expected a counter, which selects one of data_ids, found none")
+        return self
 
 
 class CommandsMapping(MappingTable):
@@ -280,6 +350,8 @@ class SwitchMapping(SignalMapping):
 
     @model_validator(mode="after")
     def _require_on(self) -> Self:
+        if self.fine or self.negative:
+            raise ValueError("expected a switch of one signal, found fine or negative")
         both = set(self.on or ()) & set(self.off or ())
         if both or (self.off is not None and self.on is None):
             found = f"{sorted(both)} in both" if both else "no on"

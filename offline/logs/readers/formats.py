@@ -37,6 +37,8 @@ def read_file(ask: Request) -> Log:
             reader = _read_npy
         elif suffix == ".dat" and not head.startswith((b"MDF", b"UnFinMF")):
             reader = read_csv
+        if reader is not _read_can:
+            ask.require_columns()
         return reader(ask)
     except RtControllerError:
         raise

@@ -133,6 +133,16 @@ class Request(NamedTuple):
     """of the wanted columns, in their order; for CAN logs"""
     messages: Mapping[str, MessageMapping] = MappingProxyType({})
 
+    def require_columns(self) -> None:
+        """Return if every signal is one column, as in all logs but those of a CAN bus."""
+        for name, column, *_ in self.slots:
+            if column.fine or column.negative:
+                raise DatasetError(
+                    f"{self.path}: expected {name} in one column, found fine or negative in the "
+                    f"mapping, which name signals of a DBC and count for CAN logs only. Leave them "
+                    f"out, and write one column with the number."
+                )
+
     def choose(self, available: Sequence[str]) -> list[Heading]:
         """The wanted columns among those of a table; that of time, if there is one, first."""
         if not self.clock.column and self.clock.period_s is None:
