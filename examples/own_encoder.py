@@ -33,7 +33,7 @@ def loss(model, config, batch, times):
 
 
 dataset = load_dataset(Path("small"))
-small = {"steps": 200, "evaluate_every": 100, "batch": 32, "latents": 16, "weight_stability": 100.0}
+small = {"steps": 100, "evaluate_every": 50, "batch": 32, "latents": 16, "weight_stability": 100.0}
 config = PRESETS["quick"].model_copy(update=small)
 run = create_run(Path("runs"), config, Path("small"), dataset.sha256, datetime.now())
 train(config, dataset, run, loss=loss, encoder=encoder)

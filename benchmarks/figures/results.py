@@ -82,8 +82,8 @@ Found = Mapping[str, Any]
 def _evaluation(found: Found) -> Figures:
     library = found["sets"]["library"]
     slices = [part for series in found["series"].values() for part in series["slices"]]
-    bends = ("bends-left", "bends-right")
-    slices += [{"set": each, "label": "", **found["sets"][each]} for each in bends]
+    bends = {"bends-left", "bends-right"} & found["sets"].keys()
+    slices += [{"set": each, "label": "", **found["sets"][each]} for each in sorted(bends)]
     return {
         "mse": {
             name: {state: x["value"] for state, x in model["mse"].items()}

@@ -68,6 +68,7 @@ def test_a_car_with_a_late_steering_wheel_is_driven_to_the_end() -> None:
     assert found.max_ey_m < 0.3
 
 
+@pytest.mark.nightly
 def test_a_wheel_that_turns_to_the_wrong_side_is_detected_at_once_and_a_known_limit() -> None:
     cases = load_cases(CASES_FILE.with_name("manoeuvre_variants.toml"))
     (case,) = [each for each in cases if each.name == "steering_wrong_sign"]

@@ -87,6 +87,7 @@ def test_misses_stay_visible_in_the_table_and_in_the_count() -> None:
     assert "nan" not in text
 
 
+@pytest.mark.nightly
 def test_every_judged_line_has_a_source_passes_and_known_gaps_are_shown(tmp_path: Path) -> None:
     """Each test with the car that its targets belong to; half of the lines were not fitted."""
     page, figures = tmp_path / "page.html", tmp_path / "figures.json"
@@ -107,6 +108,7 @@ def test_every_judged_line_has_a_source_passes_and_known_gaps_are_shown(tmp_path
     assert "<link" not in html
 
 
+@pytest.mark.nightly
 def test_another_car_is_judged_only_by_the_targets_for_any_car(tmp_path: Path) -> None:
     """Rear brakes as strong as the front brakes, and no anti-lock."""
     text = (resources.files("sim_bridge") / "cars" / "c_class_150kw_awd.toml").read_text("utf-8")

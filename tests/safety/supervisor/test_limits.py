@@ -232,7 +232,7 @@ NARROW = Validity(
         ((20.0, 4.4, -1.2, 0.0), "steering wheel 69 of 46 deg"),
         ((25.0, 0.0, 0.0, -0.02), "curvature 0.02 of 0.013 1/m"),
         ((33.0, 6.1, 0.0, 0.0), "speed 119 of 108 km/h"),
-        ((9.0, 0.0, 0.0, 0.0), "speed 32 of 36 km/h"),
+        ((9.0, 0.0, 0.0, 0.0), "speed 32 below 36 km/h"),
         ((35.0, 12.0, 0.0, 0.0), "lateral acceleration 12 of 6 m/s²"),
     ],
 )
