@@ -360,8 +360,16 @@ WHEEL = (
             'negative = "RequestEnable"',
             "one task for RequestEnable",
         ),
-        ("A m1 : 24|15@1+ (0.02,0) [0|600]", 'negative = "RequestPage"', "one task for RequestPage"),
-        ("A m1 : 24|15@1+ (0.02,0) [0|600]", 'fine = "RequestChecksum"', "one task for RequestChecksum"),
+        (
+            "A m1 : 24|15@1+ (0.02,0) [0|600]",
+            'negative = "RequestPage"',
+            "one task for RequestPage",
+        ),
+        (
+            "A m1 : 24|15@1+ (0.02,0) [0|600]",
+            'fine = "RequestChecksum"',
+            "one task for RequestChecksum",
+        ),
     ],
 )
 def test_commands_of_several_signals_have_the_whole_range_and_places_of_their_own(
