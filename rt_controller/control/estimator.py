@@ -19,7 +19,7 @@ from rt_controller.model.dynamics import Step
 
 STEPS = 10
 """periods of the prediction whose error is the disturbance"""
-MOTION_GAIN = 0.2
+MOTION_GAIN = 0.12
 """share of what a prediction did not explain of v_y and yaw rate that becomes disturbance in one
 period; the faster, the sooner a model that is wrong about the gain of its steering oscillates"""
 SPEED_GAIN, PLACE_GAIN = 0.03, 0.04

@@ -281,3 +281,19 @@ def test_a_takeover_knows_bank_and_turn_but_takes_no_heading_error_for_them(
         "initial": {"epsi_deg": epsi_deg},
     }
     assert simulate(parse_scenario(content, "a test")).errors.ey_peak_m < most_m
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_the_controller_asks_for_no_wheel_angle_that_the_vehicle_refuses(side):
+    """At 125 km/h 40 deg mean more lateral acceleration than the vehicle accepts."""
+    curvature = {"s_m": [60.0, 100.0], "value": [0.0, side * 0.0033]}
+    content = {
+        "format": 2,
+        "name": "fast and wet",
+        "duration_s": 8.0,
+        "road": {"friction": 0.5, "curvature_per_m": curvature},
+        "reference": {"speed_kmh": 125.0},
+    }
+    drive = simulate(parse_scenario(content, "a test"))
+    assert drive.stop_s is None
+    assert drive.errors.ey_peak_m < 0.5
