@@ -29,11 +29,10 @@ app = new_app(
     "--bus NAME",
     {
         "Main options": "bus channel scenario car model duration-s record plot json config",
-        "Bus": "bitrate fd bus-option wait-s stay",
+        "Bus": "bitrate fd bus-option wait-s stay check",
         "Simulated car (--bus virtual)": "plant plant-mapping friction friction-right "
         "transport-delay actuation-delay faults pace",
         "Results": "overwrite ticks quiet verbose max-misses",
-        "Check of the model": "check model-trial",
     },
 )
 
