@@ -43,15 +43,15 @@ LARGEST = TrialFigures(0.75, 1.5, 0.45, 0.045, 0.013)
 def try_model(bundle: Bundle) -> tuple[str, TrialFigures | None]:
     """The result of the drive as a sentence, and its figures; None: the model was not tried.
 
-    A model of a car of one's own, or of logs, is not: the simulated car is another one.
+    A model of logs is not: the simulated car is another one.
 
     Raises:
         ArtifactError: the model does not hold or does not predict the simulated car.
     """
     if find_objection_to_driving(bundle) is not None:
         return "not tried on the simulated car: it cannot be driven with", None
-    if bundle.car is not None or _is_imported(bundle):
-        return "not tried on the simulated car: its own car is another", None
+    if _is_imported(bundle):
+        return "not tried on the simulated car: its data are logs of another", None
     try:
         drive = simulate(SCENARIO, model=bundle)
     except MissingExtraError:

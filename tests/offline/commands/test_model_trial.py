@@ -16,7 +16,6 @@ from offline.commands.model_trial import (
     trial_figures,
     try_model,
 )
-from rt_controller.contract.car import DEFAULT_CAR
 from rt_controller.contract.errors import ArtifactError, MissingExtraError
 from rt_controller.contract.signals import VEHICLE
 from rt_controller.model.artifact import load_bundle, shipped_model
@@ -48,14 +47,13 @@ def test_a_drive_passes_within_all_limits_and_without_a_safe_stop(is_good, resul
         require_passed(drive, found)
 
 
-def test_a_model_of_another_car_is_not_tried(lti, monkeypatch):
+def test_a_model_of_logs_or_without_the_simulated_car_is_not_tried(lti, monkeypatch):
     def miss(*_, **__):
         raise MissingExtraError("no compiler")
 
     monkeypatch.setattr(model_trial, "simulate", miss)
     for bundle, words in (
-        (replace(lti, car=DEFAULT_CAR), "its own car is another"),
-        (replace(lti, training='{"data": "imported"}'), "its own car is another"),
+        (replace(lti, training='{"data": "imported"}'), "its data are logs of another"),
         (replace(lti, schema=replace(VEHICLE, dt_s=0.05)), "cannot be driven with"),
         (lti, "not compiled here"),
     ):
