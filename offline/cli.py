@@ -7,7 +7,7 @@ torch nor onnx.
 from functools import partial
 from math import inf
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 from cyclopts import Parameter
 from pydantic import Field
@@ -187,6 +187,7 @@ def export(
     baseline: str | None = None,
     data: Path | None = None,
     bundle: Path | None = None,
+    model_trial: Literal["auto", "off"] = "auto",
     json_file: JsonFile = None,
 ) -> None:
     """Export the best model of a run, or a baseline, or an existing bundle in the present format.
@@ -198,7 +199,10 @@ def export(
             edmd-bilinear; docs/baselines.md lists them
         data: folder of the data set; default: the one the run was trained on
         bundle: store plans in this bundle, a folder or a shipped name; needs neither run nor data
+        model_trial: auto: drive the simulated car with a model of it for eleven simulated seconds,
+            and refuse one that does not hold or predict it; off: export any model
     """
+    is_tried = model_trial == "auto"
     if bundle is not None:
         if baseline is not None or data is not None or run != LATEST_RUN:
             raise ConfigError(
@@ -208,15 +212,15 @@ def export(
         require_writable(json_file)
         from offline.commands.stored_plans import store_plans
 
-        write_figures(json_file, store_plans(bundle, output))
+        write_figures(json_file, store_plans(bundle, output, is_tried))
         return
     require_ready(json_file)
     from offline.commands.bundle import export_baseline, export_run
 
     if baseline is not None:
-        figures = export_baseline(baseline, data, output or RUNS / baseline, run)
+        figures = export_baseline(baseline, data, output or RUNS / baseline, run, is_tried)
     else:
-        figures = export_run(run, output, data)
+        figures = export_run(run, output, data, is_tried)
     write_figures(json_file, figures)
 
 

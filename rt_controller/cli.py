@@ -11,6 +11,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 from cyclopts import App, Parameter
 from pydantic import Field
 
+from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.timing import LONGEST_S
 from rt_controller.terminal.command_line import new_app, run_command
 from rt_controller.terminal.options import RunOptions, read_config_file
@@ -28,11 +29,10 @@ app = new_app(
     "--bus NAME",
     {
         "Main options": "bus channel scenario car model duration-s record plot json config",
-        "Bus": "bitrate fd bus-option wait-s stay",
+        "Bus": "bitrate fd bus-option wait-s stay check",
         "Simulated car (--bus virtual)": "plant plant-mapping friction friction-right "
         "transport-delay actuation-delay faults pace",
         "Results": "overwrite ticks quiet verbose max-misses",
-        "Check of the model": "check model-trial",
     },
 )
 
@@ -147,6 +147,7 @@ def gateway(
 def replay(
     log: Path,
     *,
+    tick: Annotated[int, Field(ge=0)] | None = None,
     model: str | Path | None = None,
     mcap: Path | None = None,
     overwrite: bool = False,
@@ -161,6 +162,8 @@ def replay(
     ----------
     log
         log that --record wrote, with its .journal beside it
+    tick
+        replay up to this tick, from 0, and show it as `explain` does
     model
         another model, to see what it would have commanded; default: the recorded one
     mcap
@@ -174,6 +177,12 @@ def replay(
     """
     from rt_controller.terminal.replay import replay_at_terminal
 
+    if tick is not None and mcap is not None:
+        raise ConfigError(
+            "--tick: expected no --mcap beside it, found both. Leave one of them out."
+        )
+    if tick is not None:
+        return explain(log, tick=tick, model=model, json_file=json_file, quiet=quiet)
     return replay_at_terminal(log, model, mcap, overwrite, json_file, quiet)
 
 
@@ -186,10 +195,10 @@ def explain(
     json_file: Annotated[Path | None, Parameter(name="--json")] = None,
     quiet: bool = False,
 ) -> int:
-    """Show what one tick of a recorded drive received, computed and sent, and why.
+    """Show one tick of a recorded drive: what happened, why, and what to do.
 
-    Frames, state, path, the QP with its active bounds and cost shares, the predicted trajectory,
-    the checks with their margins, the times of the stages, why it was late or degraded.
+    Mode, cause and remedy, state, path, command, the checks with their margins, and the times of
+    the stages.
 
     Parameters
     ----------
@@ -200,7 +209,7 @@ def explain(
     model
         another model; default: the recorded one
     json_file
-        write the explanation to this JSON file
+        write the same to this JSON file
     quiet
         no progress on stderr
     """

@@ -6,6 +6,7 @@ from typing import Any
 
 from offline.baselines import registry
 from offline.baselines.registry import baseline_facts, compare_with_plain_baselines
+from offline.commands.model_trial import NOT_TRIED, try_model
 from offline.commands.terminal import STDERR, STDOUT
 from offline.config import PAST_STEPS
 from offline.data.dataset import Dataset, exists, load_dataset
@@ -29,8 +30,10 @@ from rt_controller.model.validation import find_objection_to_driving
 from rt_controller.report.table import Fact, print_table
 
 
-def export_run(path: Path, output: Path | None, data: Path | None) -> dict[str, Any]:
-    """Figures of `offline-export` for the best model of a run."""
+def export_run(
+    path: Path, output: Path | None, data: Path | None, is_tried: bool = True
+) -> dict[str, Any]:
+    """Figures of `offline-export` for the best model of a run; `is_tried` on the simulated car."""
     run = open_run(path)
     checkpoint = load_checkpoint(run.best)
     dataset = load_dataset(data or run.data_folder)
@@ -48,10 +51,12 @@ def export_run(path: Path, output: Path | None, data: Path | None) -> dict[str, 
         Fact("revision, trained", run.revision),
         *(Fact(f"version of {name}", number) for name, number in run.versions.items()),
     ]
-    return _deliver(bundle, checks, facts, dataset, output or run.bundle)
+    return _deliver(bundle, checks, facts, dataset, output or run.bundle, is_tried)
 
 
-def export_baseline(name: str, data: Path | None, output: Path, run: Path) -> dict[str, Any]:
+def export_baseline(
+    name: str, data: Path | None, output: Path, run: Path, is_tried: bool = True
+) -> dict[str, Any]:
     """Figures of `offline-export --baseline`.
 
     Raises:
@@ -74,7 +79,7 @@ def export_baseline(name: str, data: Path | None, output: Path, run: Path) -> di
         baseline = registry.fit(name, dataset)
     bundle = to_bundle(name, baseline, dataset, choose_selftest(dataset, whole_past))
     facts = baseline_facts(name, dataset)
-    return _deliver(bundle, check_export(bundle, dataset), facts, dataset, output)
+    return _deliver(bundle, check_export(bundle, dataset), facts, dataset, output, is_tried)
 
 
 def _deliver(
@@ -83,6 +88,7 @@ def _deliver(
     facts: Sequence[Fact],
     dataset: Dataset,
     target: Path,
+    is_tried: bool,
 ) -> dict[str, Any]:
     """Evaluate a bundle, write it with its card, and print how to drive with it."""
     revision = source_revision()
@@ -95,6 +101,8 @@ def _deliver(
     facts = [*facts, Fact("revision, exported", revision), Fact("data set", data), car]
     comparison = compare_with_plain_baselines(bundle, dataset)
     bundle = with_plans(bundle)
+    trial, trial_figures = try_model(bundle) if is_tried else (NOT_TRIED, None)
+    facts.append(Fact("trial", trial))
     try:
         save_bundle(target, bundle, write_card(bundle, checks, comparison, facts))
     except OSError as error:
@@ -106,7 +114,7 @@ def _deliver(
         f"{checks.parity:.1e}",
         soft_wrap=True,
     )
-    STDOUT.print(f"{car.name}: {car.value}", soft_wrap=True)
+    STDOUT.print(f"{car.name}: {car.value}\ntrial: {trial}", soft_wrap=True)
     print_table(mse_table(comparison, comparison.sets[0]), STDOUT)
     objection = find_objection_to_driving(bundle)
     STDOUT.print(
@@ -120,6 +128,7 @@ def _deliver(
         "model": bundle.name,
         "model_sha256": bundle.sha256,
         "car": car.value,
+        "trial": None if trial_figures is None else trial_figures._asdict(),
         "revision": revision,
         "spectral_radius": bundle.spectral_radius,
         "growth_20": bundle.growth(20),

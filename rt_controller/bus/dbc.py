@@ -53,7 +53,7 @@ def misfit(subject: str, expected: str, found: str) -> ConfigError:
 
 
 def data_ids_of(message: Message) -> bytes:
-    """The data ids of the end-to-end protection, one for each counter; see `data_ids`.
+    """The data ids of the end-to-end protection, by counter; their rules: `tools/data_ids.py`.
 
     Raises:
         ConfigError: they are not 16 hexadecimal bytes.
@@ -67,8 +67,7 @@ def data_ids_of(message: Message) -> bytes:
     if len(data_ids) != COUNTER_MODULUS:
         raise misfit(
             message.name,
-            f"with 16 hexadecimal bytes in {DATA_IDS_ATTRIBUTE} (python -m "
-            f"rt_controller.bus.data_ids chooses them)",
+            f"with 16 hexadecimal bytes in {DATA_IDS_ATTRIBUTE} (tools/data_ids.py chooses them)",
             repr(text),
         )
     return data_ids

@@ -181,18 +181,3 @@ def user_cache_folder() -> Path | None:
     except (OSError, RuntimeError):  # RuntimeError: the user has no home
         return None
     return folder if os.access(folder, os.W_OK | os.X_OK) else None
-
-
-def is_marked(folder: str, name: str) -> bool:
-    """True if `mark` has been called with these names on this machine."""
-    cache = user_cache_folder()
-    return cache is not None and (cache / folder / name).exists()
-
-
-def mark(folder: str, name: str) -> None:
-    """Keep an empty file of this name, which says that a check has passed; none without a cache."""
-    cache = user_cache_folder()
-    if cache is not None:
-        with suppress(OSError):
-            (cache / folder).mkdir(exist_ok=True)
-            (cache / folder / name).touch()

@@ -2,7 +2,7 @@
 
 `PERIOD_NS` is the one place where the period is written; everything else that depends on it is
 computed from it, here and in the other packages. After a change of it run
-`python -m rt_controller.bus.cycle_times` to write the new cycle times into the two DBC files.
+`python tools/cycle_times.py` to write the new cycle times into the two DBC files.
 """
 
 PERIOD_NS = 25_000_000

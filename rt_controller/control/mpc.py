@@ -18,7 +18,6 @@ from rt_controller.contract.signals import (
     StateColumn,
     VehicleState,
 )
-from rt_controller.control import explanation
 from rt_controller.control.estimator import MOTION_GAIN, Estimator
 from rt_controller.control.lift import Encoder, History
 from rt_controller.control.pedals import PedalChoice
@@ -62,7 +61,6 @@ class Mpc:
         """`knots` over `horizon`, as of `place_knots`; `disturbance_gain` of `Estimator`."""
         require_drivable(bundle)
         self._bundle = bundle
-        self._cost, self._corridor = cost, corridor
         self._encoder = Encoder(bundle)
         rows = self._encoder.history
         self._history = None if rows is None else History(rows)
@@ -251,54 +249,14 @@ class Mpc:
         """
         if not self._has_plan:
             return None
-        return self._all_stages().counted_from_road(self._prediction())
-
-    def _all_stages(self) -> ReferenceHorizon:
-        """The reference of the last plan at each stage."""
-        reference = ReferenceHorizon(place_knots(len(self.inputs), len(self.inputs)))
         curvature_per_m, delay = self._qp.parameters.curvature_per_m, len(self._under_way)
+        reference = ReferenceHorizon(place_knots(len(self.inputs), len(self.inputs)))
         reference.expand(self._path, self._planned_from, curvature_per_m, self._preview, delay)
-        return reference
-
-    def _prediction(self) -> Array:
-        """(N + 1, 6), with e_y and e_psi counted from the circle of the curvature at the car."""
-        parameters = self._qp.parameters
-        W = np.full((1, len(self.inputs), 1), parameters.curvature_per_m)
-        psi, inputs = parameters.psi[None], self.inputs[None]
-        return np.asarray(roll_out(self._bundle, psi, inputs, W, N_STATES)[0])
-
-    def explain_plan(self) -> explanation.PlanExplanation:
-        """The last plan explained, for people; its QP is solved once more from a cold start.
-
-        Right after a `plan`. Without a solution its numbers are NaN, and the second one says why.
-        """
-        program, parameters, knots = self._qp.program, self._qp.parameters, self._qp.knots
-        n_inputs, horizon = self._qp.scale.size, knots.horizon
-        if not self._has_plan:
-            nothing = np.full((horizon + 1, N_STATES), np.nan)
-            second = explanation.solve_again(program, None, n_inputs)
-            inputs = np.full((horizon, N_INPUTS), np.nan)
-            return explanation.PlanExplanation(inputs, nothing, nothing[1:], (), (), second)
-        z = self._solver.solution.copy()
-        states = self._prediction()
-        reference = self._all_stages()
-        costs = explanation.cost_shares(
-            self._cost,
-            self._corridor,
-            states[self._knots],
-            parameters,
-            self.inputs,
-            self._qp.objective.length_m,
-            knots.intervals,
-        )
-        return explanation.PlanExplanation(
-            self.inputs.copy(),
-            reference.counted_from_road(states + self._deviations(np.arange(horizon + 1))),
-            reference.states[1:].copy(),
-            explanation.active_bounds(program, z, knots.stages),
-            costs,
-            explanation.solve_again(program, z, n_inputs),
-        )
+        W = np.full((1, len(self.inputs), 1), curvature_per_m)
+        psi, inputs = self._qp.parameters.psi[None], self.inputs[None]
+        # e_y and e_psi are counted from the circle of the curvature at the car.
+        (states,) = roll_out(self._bundle, psi, inputs, W, N_STATES)
+        return reference.counted_from_road(states)
 
     def _update_matrices(self) -> bool:
         """True if the matrices at the present parameters make a convex QP."""

@@ -1,216 +1,218 @@
-"""`rt-controller explain`: one tick of a recorded drive as a sentence and tables."""
+"""`rt-controller explain LOG`, `replay LOG --tick N`: a page about one tick of a recorded drive."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator
 from contextlib import closing
-from math import inf
+from math import isnan, nan
 from pathlib import Path
+from typing import Any
 
-import numpy as np
 from rich.console import Console
 from threadpoolctl import threadpool_limits
 
-from rt_controller.contract.faults import StopCause
+from rt_controller.bus.messages import MISSION, PREVIEW, REFERENCE
+from rt_controller.contract.errors import ConfigError
+from rt_controller.contract.faults import Fault, StopCause
 from rt_controller.contract.figures import require_writable, write_figures
-from rt_controller.contract.signals import ControlInput, Mode, VehicleState
+from rt_controller.contract.signals import INPUT_UNITS, NEUTRAL_INPUT, ControlInput, Mode
 from rt_controller.contract.timing import PERIOD_S
-from rt_controller.control.explanation import PlanExplanation
-from rt_controller.recording.explain import (
-    Margin,
-    TickExplanation,
-    explain_tick,
-    safe_stop_tick,
-    to_json,
+from rt_controller.recording.replay import (
+    RecordedDrive,
+    Replay,
+    ReplayedTick,
+    differences,
+    read_recorded_drive,
 )
-from rt_controller.recording.replay import Replay, read_recorded_drive
 from rt_controller.report.table import (
-    NO_VALUE,
-    Cell,
     Column,
     Fact,
-    Row,
     Table,
     facts_table,
     format_number,
     print_table,
 )
+from rt_controller.safety.freshness import REFERENCE_MAX_AGE_NS, STATE_MAX_AGE_NS, TIMING_SLACK_NS
+from rt_controller.safety.tick import Tick
 from rt_controller.terminal.progress import announce
-from rt_controller.terminal.stop_message import remedy_of
+from rt_controller.terminal.stop_message import Margin, exceeded, plausibility_margins, remedy_of
 
-_ROUNDING = 1e-12
-ONLY_STEERING = " (only its steering wheel is used)"
-"""of the plan of a safe stop, whose pedals are those of the stop"""
 _DEGRADED = {
     Mode.SAFE_STOP: "was part of a safe stop",
     Mode.HOLD_PLAN: "followed the last plan",
     Mode.STANDBY: "did not drive",
 }
+_WITHOUT_QP = {
+    Mode.STANDBY: "pedals released: the controller does not drive",
+    Mode.NOMINAL: "plan of this tick",
+    Mode.HOLD_PLAN: "next inputs of the last plan ({})",
+    Mode.LOW_SPEED: "low-speed law, without a QP",
+    Mode.STANDSTILL: "brake that holds the car, without a QP",
+    Mode.SAFE_STOP: "pedals of a safe stop, without a QP (last plan: {})",
+}
+"""by mode; the last plan is filled in"""
+_NO_FACTS = ("sentence", "checks", "stage_times")
 
 
 def explain_at_terminal(
-    log: Path,
-    number: int | None,
-    model: str | Path | None,
-    json_file: Path | None,
-    is_quiet: bool,
+    log: Path, number: int | None, model: str | Path | None, json_file: Path | None, is_quiet: bool
 ) -> int:
-    """Print the explanation of a tick; the exit code of the program.
+    """Print the page about a tick; the exit code of the program.
 
     Without a `number` it is the tick in which the last safe stop began.
     """
     require_writable(json_file)
-    with announce(f"reading {log}", is_quiet):
+    with announce(f"replaying {log} up to one tick", is_quiet), threadpool_limits(1, "blas"):
         drive = read_recorded_drive(log)
-        number = safe_stop_tick(drive) if number is None else number
-    with (
-        announce(f"replaying {log} up to tick {number}", is_quiet),
-        threadpool_limits(1, "blas"),
-        closing(Replay(drive, model)) as replay,
-    ):
-        tick = explain_tick(drive, replay, number)
-    Console().print(_sentence(tick), highlight=False, markup=False, soft_wrap=True)
-    for table in _tables(tick):
+        with closing(Replay(drive, model)) as replay:
+            page = _explain(drive, replay, _begin_of_stop(drive) if number is None else number)
+    Console().print(page["sentence"], highlight=False, markup=False, soft_wrap=True)
+    for table in _tables(page):
         print_table(table, Console())
-    write_figures(json_file, to_json(tick))
+    write_figures(json_file, page)
     return 0
 
 
-def _sentence(tick: TickExplanation) -> str:
-    """What happened, why, and what to do."""
-    number, result = tick.record.tick, tick.result
-    if tick.differences:
-        names = ", ".join(each.signal for each in tick.differences)
-        return (
-            f"Tick {number} is explained as this program computes it, with another {names} than "
-            f"was recorded; use the version and the model that recorded it to see what happened."
+def _begin_of_stop(drive: RecordedDrive) -> int:
+    begin, before = None, Mode.STANDBY
+    for tick in drive.driven:
+        if tick.mode is Mode.SAFE_STOP and before is not Mode.SAFE_STOP:
+            begin = tick.tick
+        before = tick.mode
+    if begin is None:
+        raise ConfigError(
+            f"{drive.path}: expected a drive with a safe stop, whose first tick is explained "
+            f"without --tick, found none. Choose one of the ticks {_numbers_of(drive)} with --tick."
         )
-    happened = _DEGRADED.get(result.mode, "drove")
-    if result.cause is not StopCause.NONE:
-        return f"Tick {number} {happened}: {result.cause.value}. {remedy_of(result.cause)}".strip()
-    if tick.reasons:
-        return f"Tick {number} {happened}; {tick.reasons[0]}."
-    return f"Tick {number} {happened}, and nothing was wrong: {tick.command_from}."
+    return begin
 
 
-def _share_left(of: Margin) -> float:
-    """What is left of the limit of a check; checks without a value come last."""
-    return inf if of.margin is None else of.margin / (abs(of.limit) or 1.0)
+def _numbers_of(drive: RecordedDrive) -> str:
+    numbers = [tick.tick for tick in drive.driven]
+    return f"{numbers[0]} to {numbers[-1]}" if numbers else "none"
 
 
-def _tables(tick: TickExplanation) -> Iterator[Table]:
-    yield facts_table(_facts(tick), f"tick {tick.record.tick}")
-    checks = (
-        (
-            each.check,
-            format_number(np.nan if each.value is None else each.value),
-            format_number(each.limit),
-            Cell(NO_VALUE)
-            if each.margin is None
-            else Cell(format_number(each.margin), status="bad" if each.margin < 0.0 else ""),
-            each.unit,
+def _explain(drive: RecordedDrive, replay: Replay, number: int) -> dict[str, Any]:
+    """The page about tick `number`, counted from zero, after a replay of the ticks before it."""
+    before, last_plan = NEUTRAL_INPUT, "none"
+    for tick in replay.ticks():
+        if tick.result.qp_ns > 0:
+            last_plan = f"tick {tick.recorded.tick}"
+        if tick.recorded.tick == number:
+            return _page(tick, replay, before, last_plan)
+        before = tick.result.control
+    raise ConfigError(
+        f"--tick {number}: expected a tick of {drive.path}, found {_numbers_of(drive)}. Choose one "
+        f"of these."
+    )
+
+
+def _page(
+    tick: ReplayedTick, replay: Replay, before: ControlInput, last_plan: str
+) -> dict[str, Any]:
+    """What a tick received, decided and sent, and why, as in `--json`: names end in their units."""
+    record, result = tick.recorded, tick.result
+    deadline_us, sent_us = 1e3 * replay.config.realtime.deadline_ms, record.sent_after_us
+    margins = list(_margins(replay, record.began_ns, result, before))
+    reasons = []
+    if record.skipped:
+        reasons.append(f"{record.skipped} periods were skipped before this tick")
+    if sent_us > deadline_us:
+        reasons.append(
+            f"late: sent {sent_us:.0f} us after the scheduled instant, {sent_us - deadline_us:.0f} "
+            f"us after the deadline: {record.late_cause or 'not recorded'}"
         )
-        for each in sorted(tick.margins, key=_share_left)
-    )
-    yield _table("checks", "check<|value|limit|margin|unit<", checks)
-    frames = (
-        (
-            "sent" if frame.is_sent else "received",
-            f"{frame.before_tick_us:.0f}",
-            frame.name,
-            _listed(frame.signals) if frame.signals else frame.data_hex,
+    reasons += [f"fault in the heartbeat: {fault.name}" for fault in Fault(result.faults)]
+    reasons += [f"beyond its limit: {each.text}" for each in exceeded(margins)]
+    margins.append(Margin("time until the frames were sent", sent_us, deadline_us, "us"))
+    command_from, changed = _command_from(result, last_plan), differences(tick)
+    happened = f"Tick {record.tick} {_DEGRADED.get(result.mode, 'drove')}"
+    if changed:
+        sentence = (
+            f"Tick {record.tick} is explained as this program computes it, with another "
+            f"{', '.join(each.signal for each in changed)} than was recorded; use the version and "
+            f"the model that recorded it to see what happened."
         )
-        for frame in tick.frames
-    )
-    yield _table("frames", "<|before the tick, us|message<|signals<", frames)
-    if tick.plan is not None:
-        is_stop = tick.result.mode is Mode.SAFE_STOP
-        yield from _plan_tables(tick.plan, ONLY_STEERING if is_stop else "")
-    times = (
-        (name.removesuffix("_us").replace("_", " "), f"{value:.1f}")
-        for name, value in tick.record.times.items()
-        if name.endswith("_us")
-    )
-    if tick.record.times:
-        yield _table("times of the stages", "stage<|time, us", times)
+    elif result.cause is not StopCause.NONE:
+        sentence = f"{happened}: {result.cause.value}. {remedy_of(result.cause)}".strip()
+    elif reasons:
+        sentence = f"{happened}; {reasons[0]}."
+    else:
+        sentence = f"{happened}, and nothing was wrong: {command_from}."
+    return {
+        "sentence": sentence,
+        "tick": record.tick,
+        "is_identical": not changed,
+        "mode": result.mode.name,
+        "cause": result.cause.name,
+        "remedy": remedy_of(result.cause),
+        "reasons": reasons,
+        "state": None if result.state is None else result.state._asdict(),
+        "curvature_per_m": None if result.state is None else result.curvature_per_m,
+        "path": None if result.path is None else result.path._asdict(),
+        "control": result.control._asdict(),
+        "command_from": command_from,
+        "checks": [
+            {**each._asdict(), "margin": each.margin}
+            for each in sorted(margins, key=lambda each: (isnan(each.value), each.share_left))
+        ],
+        "stage_times": dict(record.times),
+    }
 
 
-def _table(title: str, heads: str, rows: Iterator[Row]) -> Table:
-    """A table of columns "title, unit|title<"; the mark < makes one of text."""
-    columns = []
-    for head in heads.split("|"):
-        name, _, unit = head.rstrip("<").partition(", ")
-        columns.append(Column(name, unit, is_text=head.endswith("<")))
-    return Table(title, tuple(columns), tuple(rows))
+def _command_from(result: Tick, last_plan: str) -> str:
+    if result.qp_ns == 0:
+        return _WITHOUT_QP[result.mode].format(last_plan)
+    text = "plan of this tick"
+    if result.mode is Mode.SAFE_STOP:
+        text = f"pedals of a safe stop, steering wheel of the {text}"
+    if result.state is None:
+        return f"{text}, which begins at an estimated state: none was received"
+    if Fault.STATE_IMPLAUSIBLE in result.faults:
+        return f"{text}, which begins at a state that is partly estimated"
+    return text
 
 
-def _facts(tick: TickExplanation) -> Iterator[Fact]:
-    result = tick.result
-    yield Fact("mode", result.mode.name)
-    for reason in tick.reasons:
-        yield Fact("why", reason)
-    if result.state is not None:
-        yield Fact("state", _listed(result.state._asdict()))
-        yield Fact("curvature", f"{result.curvature_per_m:.6g} 1/m")
-    if result.path is not None:
-        yield Fact("path", _listed(result.path._asdict()))
-    yield Fact("command", _listed(result.control._asdict()))
-    yield Fact("from", tick.command_from)
-    if tick.plan is not None:
-        second = tick.plan.second
-        yield Fact(
-            "QP",
-            f"{result.qp_iterations} iterations; solved again from a cold start: "
-            f"{second.status.name}, {second.iterations} iterations, inputs differ by at most "
-            f"{second.largest_difference:.1e} of their range; optimality residual "
-            f"{second.optimality_residual:.1e}",
-        )
+def _margins(replay: Replay, now_ns: int, result: Tick, before: ControlInput) -> Iterator[Margin]:
+    """Ages of what was received, the checks, and the command against its bounds and rates."""
+    node, limits = replay.node, result.limits
+    state_age_ns, mission = node.step.state_age_ns(now_ns), node.inbox.newest(MISSION)
+    age_ms = nan if state_age_ns is None else state_age_ns * 1e-6
+    yield Margin("age of the state, with its transport", age_ms, STATE_MAX_AGE_NS * 1e-6, "ms")
+    for name, received, limit_ns in (
+        ("path", node.inbox.newest(REFERENCE), REFERENCE_MAX_AGE_NS),
+        ("curvature ahead", node.inbox.newest(PREVIEW), REFERENCE_MAX_AGE_NS),
+        ("mission", mission, 0 if mission is None else mission.content.valid_for_ns),
+    ):
+        age_ms = nan if received is None else (now_ns - received.arrival_ns) * 1e-6
+        yield Margin(f"age of the {name}", age_ms, (limit_ns + TIMING_SLACK_NS) * 1e-6, "ms")
+    yield from plausibility_margins(node.supervisor.values, node.supervisor.checks)
+    columns = (result.control, before, limits.upper, limits.rate_per_s, INPUT_UNITS)
+    for name, now, old, bound, rate, unit in zip(ControlInput._fields, *columns, strict=True):
+        yield Margin(f"size of {name}", abs(now), bound, unit)
+        if name != "throttle" or now >= old:  # a throttle that closes is not limited
+            change = abs(now - old)
+            yield Margin(f"change of {name} in this period", change, rate * PERIOD_S, unit)
 
 
-def _plan_tables(plan: PlanExplanation, note: str) -> Iterator[Table]:
-    nothing = np.full((1, plan.inputs.shape[1]), np.nan)
-    values = np.hstack([plan.states, np.vstack([plan.inputs, nothing])])
-    values[np.abs(values) < _ROUNDING] = 0.0
-    stages = (
-        (f"{stage * PERIOD_S:.3f}", *map(format_number, row))
-        for stage, row in enumerate(values.tolist())
-    )
-    heads = "|".join(("in, s", *VehicleState._fields, *ControlInput._fields))
-    yield _table(f"plan{note}: predicted states and inputs", heads, stages)
-    grouped: dict[str, list[tuple[int, float]]] = {}
-    for bound in plan.active:
-        name = f"{bound.kind} of {bound.signal}, {bound.side}"
-        grouped.setdefault(name, []).append((bound.stage, bound.multiplier))
-    bounds = (
-        (name, _ranges([stage for stage, _ in found]), f"{max(abs(m) for _, m in found):.3g}")
-        for name, found in grouped.items()
-    )
-    yield _table("active bounds", "bound<|stages<|largest multiplier", bounds)
-    costs = (
-        (
-            each.term,
-            format_number(each.cost if each.share > _ROUNDING else 0.0),
-            f"{100 * each.share:.1f}",
-        )
-        for each in plan.costs
-    )
-    yield _table("cost", "term<|cost|share, %", costs)
+def _tables(page: dict[str, Any]) -> Iterator[Table]:
+    facts = [(name, _text(value)) for name, value in page.items() if name not in _NO_FACTS]
+    yield facts_table(Fact(name.replace("_", " "), text) for name, text in facts if text)
+    name, *numbers = Column("check", is_text=True), *map(Column, ("value", "limit", "margin"))
+    rows = [
+        (each["check"], *(format_number(each[key.title]) for key in numbers), each["unit"])
+        for each in page["checks"]
+    ]
+    yield Table("checks", (name, *numbers, Column("unit", is_text=True)), tuple(rows))
+    times = [
+        (key[:-3], f"{us:.1f}") for key, us in page["stage_times"].items() if key[-3:] == "_us"
+    ]
+    if times:
+        columns = Column("stage", is_text=True), Column("time", "us")
+        yield Table("times of the stages", columns, tuple(times))
 
 
-def _ranges(stages: Sequence[int]) -> str:
-    """Increasing numbers, those in a row as a range: 0-4, 7."""
-    found: list[list[int]] = []
-    for stage in stages:
-        if found and stage == found[-1][-1] + 1:
-            found[-1].append(stage)
-        else:
-            found.append([stage])
-    return ", ".join(str(run[0]) if len(run) == 1 else f"{run[0]}-{run[-1]}" for run in found)
-
-
-def _listed(values: Mapping[str, float | str]) -> str:
-    """Values as text; a key is a name, or a name and a unit with a comma between them."""
-    texts = []
-    for key, value in values.items():
-        name, _, unit = key.partition(", ")
-        number = f"{value:.6g}" if isinstance(value, float) else str(value)
-        texts.append(f"{name} {number} {unit}".rstrip())
-    return ", ".join(texts)
+def _text(value: object) -> str:
+    if isinstance(value, dict):
+        return ", ".join(f"{name} {number:.6g}" for name, number in value.items())
+    if isinstance(value, list):
+        return "\n".join(value)
+    return "none" if value is None else f"{value:.6g}" if isinstance(value, float) else str(value)

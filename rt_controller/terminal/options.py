@@ -47,10 +47,7 @@ class RunOptions(ControllerConfig, CarSettings, BusSettings):
     ticks: Path | None = None
     """write the times of every tick of the last hour to this CSV file"""
     check: bool = False
-    """open and check everything, drive the simulated car with the model, then end"""
-    model_trial: Literal["auto", "off"] = "auto"
-    """auto: drive the simulated car with a model before its first drive on another bus than
-    virtual; off: never, for a car that differs much from the simulated one"""
+    """load the model, plan with it, open the bus, then end"""
     quiet: bool = False
     """no progress on stderr; errors and the result remain"""
     verbose: Annotated[bool, Parameter(alias="-v")] = False

@@ -7,10 +7,9 @@ from typing import TYPE_CHECKING
 
 from rich.console import Console
 
-from rt_controller.bundle_checks.model_trial import has_passed, try_model
 from rt_controller.bus.log.recorder import require_recordable
 from rt_controller.bus.messages import STATE
-from rt_controller.bus.transport import close_bus, require_interface
+from rt_controller.bus.transport import require_interface
 from rt_controller.contract.errors import BusError, OutputError, PlantError, RtControllerError
 from rt_controller.contract.figures import require_writable, write_figures
 from rt_controller.drive.scenario import (
@@ -22,7 +21,6 @@ from rt_controller.drive.scenario import (
 )
 from rt_controller.loop import Ending
 from rt_controller.model.artifact import find_model, load_bundle
-from rt_controller.model.bundle import Bundle
 from rt_controller.model.validation import explain_missing_plans
 from rt_controller.node import build_mpc, choose_low_speed_car
 from rt_controller.realtime.clock import Clock, LockstepClock, RealtimeClock
@@ -71,7 +69,6 @@ if TYPE_CHECKING:
 PROGRAM = "rt-controller"
 VIRTUAL_MISS_SHARE = 0.02
 """of the ticks that may be late on the virtual bus, where only a simulated car depends on them"""
-TRYING = "trying the model on the simulated car (the first time)"
 EXIT_DEADLINE = 4
 EXIT_SAFE_STOP = 6
 
@@ -96,7 +93,6 @@ def run_at_terminal(options: "RunOptions") -> int:
     missing = explain_missing_plans(bundle, folder)
     if missing:
         show(f"note: {missing}", options.quiet)
-    _try_model(bundle, options)
     with ExitStack() as signals:
         with ExitStack() as opened:
             car: BridgeSession | None = None
@@ -135,20 +131,6 @@ def run_at_terminal(options: "RunOptions") -> int:
         # After a failed plant the controller ends in a safe stop; the exit code names the plant.
         is_failed = car is not None and car.bridge.summary().plant_failure is not None
         return PlantError.exit_code if is_failed and code != INTERRUPTED else code
-
-
-def _try_model(bundle: Bundle, options: "RunOptions") -> None:
-    """Return if the model holds the simulated car, or needs no trial before this drive."""
-    if options.model_trial == "off" or (options.is_virtual and not options.check):
-        return
-    if has_passed(bundle, options) and not options.check:
-        return
-    if not options.is_virtual:
-        close_bus(options.open_bus())  # a wrong channel is said before the drive, not after it
-    with announce(TRYING, options.quiet):
-        note = try_model(bundle, options)
-    if note is not None:
-        show(f"note: {note}")
 
 
 def _write(

@@ -1,13 +1,13 @@
 """Words for what went wrong in a drive: the message of a safe stop, a sentence for each fault."""
 
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Iterable, Sequence
+from math import nan
+from typing import Any, NamedTuple
 
 from rt_controller.bus.messages import REFERENCE, STATE, Message
 from rt_controller.bus.receive import Inbox
 from rt_controller.contract.faults import Fault, StopCause
-from rt_controller.recording.explain import Margin, exceeded, plausibility_margins
-from rt_controller.safety.checks import CHECKS
+from rt_controller.safety.checks import CHECKS, Check, is_computed
 from rt_controller.session import ControllerSession
 
 VEHICLE_KNOWS = "The vehicle's program (sim-bridge, or the gateway) names the cause at its end"
@@ -55,6 +55,60 @@ FAULT_SENTENCES = {
     Fault.SPEED_NOT_FOLLOWED: "The speed was far from the wanted one for seconds.",
     Fault.OUTSIDE_TRAINING: "The motion was outside of what the model was trained with.",
 }
+
+_UNITS = {
+    "PER_M": "1/m",
+    "M": "m",
+    "MPS": "m/s",
+    "MPS2": "m/s^2",
+    "MPS3": "m/s^3",
+    "RAD": "rad",
+    "RADPS": "rad/s",
+    "N": "N",
+    "TICKS": "ticks",
+}
+"""by the end of the name of a quantity, the longer one first"""
+
+
+class Margin(NamedTuple):
+    """A quantity that a check compares with its limit."""
+
+    check: str
+    value: float
+    """NaN: there is nothing to check, which is a fault of its own where the check needs it"""
+    limit: float
+    unit: str
+
+    @property
+    def margin(self) -> float:
+        """Limit minus value; negative if the value is beyond the limit."""
+        return self.limit - self.value
+
+    @property
+    def share_left(self) -> float:
+        """What is left of the limit."""
+        return self.margin / (abs(self.limit) or 1.0)
+
+    @property
+    def text(self) -> str:
+        """Check, value and limit for people."""
+        return f"{self.check}, {self.value:.4g} of {self.limit:.4g} {self.unit}"
+
+
+def plausibility_margins(values: Sequence[float], checks: Sequence[Check]) -> list[Margin]:
+    """The quantities of a tick, by `Quantity`, against the thresholds of these checks."""
+    margins = []
+    for check in checks:
+        value, name = values[check.quantity], check.quantity.name
+        unit = next((unit for end, unit in _UNITS.items() if name.endswith(f"_{end}")), "1")
+        computed = value if is_computed(value) else nan
+        margins.append(Margin(check.name, computed, check.threshold, unit))
+    return margins
+
+
+def exceeded(margins: Iterable[Margin]) -> list[Margin]:
+    """Those whose value is beyond its limit; some checks act only after several ticks in a row."""
+    return [each for each in margins if each.margin < 0.0]
 
 
 def remedy_of(cause: StopCause) -> str:

@@ -131,7 +131,7 @@ def test_a_command_has_the_bytes_computed_by_hand():
 
 FD_CODECS = [codec for message in CATALOGUE.messages for codec in message.fd_codecs]
 every_format = pytest.mark.parametrize("codec", CODECS + FD_CODECS, ids=lambda codec: codec.name)
-REMEDY = "new data ids: python -m rt_controller.bus.data_ids"
+REMEDY = "new data ids: python tools/data_ids.py"
 
 
 def is_intact(codec: FrameCodec, frame: bytes, flipped: tuple[int, ...] = ()) -> bool:

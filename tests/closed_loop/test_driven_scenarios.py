@@ -99,7 +99,7 @@ def test_a_drive_outside_of_the_training_is_named_before_it_and_after_it(
         'format = 2\nname = "bend"\nduration_s = 4.0\nreference.speed_kmh = 60.0\n'
         "[road.curvature_per_m]\ns_m = [20.0, 30.0, 45.0, 55.0]\nvalue = [0.0, 0.01, 0.01, 0.0]\n"
     )
-    options = "--bus virtual --pace lockstep --model-trial off"
+    options = "--bus virtual --pace lockstep"
     files = (
         "--json",
         str(summary),

@@ -131,7 +131,7 @@ def drive_beside_tools(bus, folder, log):
             log=folder / "car.log",
             running=running,
         )
-        options = ("--wait-s", "90", "--model-trial", "off", "--max-misses", "1000000")
+        options = ("--wait-s", "90", "--max-misses", "1000000")
         model = ("--model", str(shipped_model("lti")), "--realtime.deadline-ms", "25")
         controller = start(
             *program("rt_controller.cli", *bus.program_options(), *model, *options),

@@ -42,7 +42,7 @@ class Drive:
 
     def start_controller(self, name="controller"):
         # Deadlines are not tested here: a shared machine may stall longer than a vehicle's.
-        options = ("--realtime.deadline-ms", "25", "--wait-s", "60", "--model-trial", "off")
+        options = ("--realtime.deadline-ms", "25", "--wait-s", "60")
         model = str(shipped_model("lti"))
         return self.start_program(name, "rt_controller.cli", "--model", model, *options)
 

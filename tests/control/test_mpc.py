@@ -1,4 +1,4 @@
-"""A plan depends on state, curvature and history, and is explained by its QP."""
+"""A plan depends on state, curvature and history."""
 
 from dataclasses import replace
 from math import inf
@@ -11,7 +11,6 @@ from rt_controller.config import MpcSettings
 from rt_controller.contract.errors import ArtifactError
 from rt_controller.contract.limits import INPUT_LIMITS
 from rt_controller.contract.signals import (
-    N_STATES,
     VEHICLE,
     ControlInput,
     CurvaturePreview,
@@ -20,13 +19,10 @@ from rt_controller.contract.signals import (
     VehicleState,
 )
 from rt_controller.contract.timing import PERIOD_S
-from rt_controller.control.explanation import cost_shares
 from rt_controller.control.lift import Encoder
 from rt_controller.control.mpc import Mpc
 from rt_controller.control.program import SolveStatus
-from rt_controller.control.terms import Corridor
 from rt_controller.model.artifact import load_bundle, shipped_model
-from rt_controller.model.dynamics import roll_out
 from rt_controller.model.follow import Follow
 from rt_controller.model.lift import Lift
 
@@ -170,72 +166,3 @@ def test_a_plan_begins_after_the_inputs_that_are_under_way():
     np.testing.assert_allclose(found, expected, rtol=0.0, atol=SAME)
     assert later.plan(STATE, 0.0, straight, PREVIOUS) is SolveStatus.SOLVED
     assert np.abs(later.inputs / RANGE - expected).max() > 100 * SAME
-
-
-BESIDE = VehicleState(21.0, 0.1, 0.05, 0.52, -0.6, 0.02)
-SLOWER = PathReference(0.0, 0.01, 0.0, 0.0, 20.5, 0.0)
-DEFAULT = MpcSettings()
-
-
-def planned(corridor=None, settings=DEFAULT):
-    bundle, knots = load_bundle(shipped_model("lti")), settings.knots
-    mpc = Mpc(bundle, settings.horizon, settings.cost(), corridor, knots=knots)
-    assert mpc.plan(BESIDE, 0.001, SLOWER, PREVIOUS) is SolveStatus.SOLVED
-    return mpc
-
-
-@pytest.mark.parametrize("heading", ["course", "epsi"])
-@pytest.mark.parametrize("corridor", [None, Corridor(0.3, 0.05)])
-def test_the_cost_shares_add_up_to_the_objective_of_the_qp(corridor, heading):
-    """Of a linear model: the objective is the sum without what does not depend on the inputs."""
-    settings = MpcSettings(heading=heading)
-    mpc = planned(corridor, settings)
-    costs = mpc.explain_plan().costs
-    program, parameters, bundle = mpc._qp.program, mpc._qp.parameters, mpc._bundle
-    nothing, knots = np.zeros_like(mpc.inputs), mpc._qp.knots
-    W = np.full((1, len(nothing), 1), 0.001)
-    (free,) = roll_out(bundle, parameters.psi[None], nothing[None], W, N_STATES)
-    without = cost_shares(
-        settings.cost(),
-        None,
-        free[[0, *knots.ends]],
-        parameters,
-        nothing,
-        mpc._qp.objective.length_m,
-        knots.intervals,
-    )
-    z = mpc._solver.solution
-    objective = 0.5 * z @ program.P @ z + program.q @ z
-    difference = sum(each.cost for each in costs) - sum(each.cost for each in without)
-    assert difference == pytest.approx(objective, rel=1e-6)
-    assert sum(each.share for each in costs) == pytest.approx(1.0)
-    assert ("beyond the corridor" in {each.term for each in costs}) is (corridor is not None)
-
-
-def test_the_second_solution_is_the_first_one():
-    mpc = planned()
-    second = mpc.explain_plan().second
-    assert second.status is SolveStatus.SOLVED
-    assert second.largest_difference < 1e-4
-    assert second.optimality_residual < 1e-7 * np.abs(mpc._qp.program.q).max()
-
-
-def test_active_bounds_are_named_with_signal_stage_and_side():
-    mpc = planned()
-    active, mpc_stages = mpc.explain_plan().active, mpc._qp.knots.stages
-    first = {(each.kind, each.signal, each.side) for each in active if each.stage == 0}
-    assert ("change", "steer_rad", "upper") in first
-    assert ("value", "brake_n", "both") in first
-    assert {each.stage for each in active} <= set(mpc_stages)
-    for each in active:
-        assert {"upper": 1.0, "lower": -1.0, "both": 0.0}[each.side] * each.multiplier >= -1e-8
-
-
-def test_a_plan_that_failed_is_explained_by_the_second_solve():
-    mpc = planned()
-    nowhere = BESIDE._replace(ey_m=float("nan"))
-    assert mpc.plan(nowhere, 0.001, SLOWER, PREVIOUS) is not SolveStatus.SOLVED
-    found = mpc.explain_plan()
-    assert found.second.status is not SolveStatus.SOLVED
-    assert np.isnan(found.inputs).all()
-    assert found.costs == ()

@@ -154,32 +154,28 @@ def explain(log: Path, tick: int | None, folder: Path) -> dict[str, Any]:
     return found
 
 
-def test_a_tick_is_explained_from_its_frames_to_its_command(recorded_log, tmp_path, capsys):
+def test_a_tick_is_explained_on_one_page(recorded_log, tmp_path, capsys):
     found = explain(recorded_log, 30, tmp_path)
-    received = {each["name"]: each["signals"] for each in found["frames"] if not each["is_sent"]}
-    assert received["STATE_A"]["VelocityX, m/s"] == pytest.approx(found["state"]["vx_mps"])
-    sent = {each["name"]: each["signals"] for each in found["frames"] if each["is_sent"]}
-    assert sent["ACT_CMD"]["Throttle"] == pytest.approx(found["control"]["throttle"], abs=2e-5)
-    plan = found["plan"]
-    assert plan["inputs"][0]["steer_rad"] == pytest.approx(found["control"]["steer_rad"])
-    assert len(plan["predicted_states"]) == len(plan["inputs"]) + 1
-    assert sum(each["share"] for each in plan["cost_shares"]) == pytest.approx(1.0)
-    assert plan["second_solution"]["largest_difference"] < 1e-4
+    assert found["state"]["vx_mps"] > 10.0
+    assert found["path"]["v_mps"] > 10.0
+    assert set(found["control"]) == {"throttle", "brake_n", "steer_rad"}
     margins = {each["check"]: each["margin"] for each in found["checks"]}
-    unchecked = [name for name, margin in margins.items() if margin is None]
-    engagement = ["engagement, lateral", "engagement, heading"]
-    assert unchecked == ["speed by pedals", "training", *engagement]
+    unchecked = {name for name, margin in margins.items() if margin is None}
+    engagement = {"engagement, lateral", "engagement, heading"}
+    assert unchecked == {"speed by pedals", "training", *engagement}
+    assert {"age of the state, with its transport", "change of steer_rad in this period"} < set(
+        margins
+    )
     assert all(margin is None or margin >= 0.0 for margin in margins.values())
-    assert found["is_identical"]
-    assert found["reasons"] == []
+    assert (found["is_identical"], found["reasons"]) == (True, [])
     assert found["command_from"] == "plan of this tick"
     assert found["stage_times"]["plan_us"] > 0.0
     printed = capsys.readouterr().out
     assert printed.startswith("Tick 30 drove, and nothing was wrong: plan of this tick.\n")
-    assert "value of brake_n, both" in printed
-    assert "change of steer_rad" in printed
-    for title in ("frames", "plan: predicted", "active bounds", "cost", "checks", "times of"):
+    for title in ("state", "path", "control", "checks", "tracking", "times of the stages"):
         assert title in printed
+    code, same = replay(recorded_log, "--tick", "30")
+    assert (code, same, capsys.readouterr().out) == (0, found, printed)
 
 
 def test_a_degraded_tick_says_what_was_missing(recorded_log, tmp_path):
@@ -195,9 +191,9 @@ def test_a_degraded_tick_says_what_was_missing(recorded_log, tmp_path):
     ticks = [explain(log, tick, tmp_path) for tick in (first, first + 1)]
     degraded = [tick for tick in ticks if tick["mode"] == "HOLD_PLAN"]
     assert len(degraded) == 1
-    assert degraded[0]["plan"] is None
     assert degraded[0]["state"] is None
-    assert "HOLD_PLAN: no new vehicle state arrived in time" in degraded[0]["reasons"]
+    assert degraded[0]["cause"] == "STATE_LOST"
+    assert degraded[0]["remedy"].startswith("Check that the vehicle")
     assert not degraded[0]["is_identical"]
     before = first - 1
     assert degraded[0]["command_from"] == f"next inputs of the last plan (tick {before})"
@@ -211,6 +207,8 @@ def test_a_tick_that_the_drive_has_not_is_refused_with_those_that_it_has(recorde
         explain(recorded_log, 9999, tmp_path)
     with pytest.raises(ConfigError, match=r"found none\. Choose one of the ticks 0 to"):
         explain(recorded_log, None, tmp_path)
+    with pytest.raises(ConfigError, match=r"--tick: expected no --mcap"):
+        replay(recorded_log, "--tick", "3", "--mcap", str(tmp_path / "tick.mcap"))
 
 
 def test_without_a_tick_the_begin_of_the_safe_stop_is_explained(tmp_path, capsys):
@@ -222,10 +220,10 @@ def test_without_a_tick_the_begin_of_the_safe_stop_is_explained(tmp_path, capsys
     assert "from 0.500 s on (tick 20)" in capsys.readouterr().out
     found = explain(log, None, tmp_path)
     assert found["tick"] == summary["stop_tick"]
-    assert found["reasons"][0] == "SAFE_STOP: stop requested"
+    assert (found["mode"], found["cause"]) == ("SAFE_STOP", "STOP_REQUESTED")
     printed = capsys.readouterr().out
     assert printed.startswith("Tick 20 was part of a safe stop: stop requested.\n")
-    assert "plan (only its steering wheel is used)" in printed
+    assert found["command_from"].endswith("steering wheel of the plan of this tick")
     later = {each["check"]: each["value"] for each in explain(log, 40, tmp_path)["checks"]}
     assert later["tracking"] is None  # not judged in a stop
     assert later["progress"] is not None

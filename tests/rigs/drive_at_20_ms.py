@@ -4,6 +4,7 @@ Only the constant PERIOD_NS is changed, before any other module is imported. Arg
 for the data, the model, the summary and the log.
 """
 
+import runpy
 import sys
 from importlib import util
 from pathlib import Path
@@ -60,9 +61,10 @@ def drive_lane_change(folder: Path, model: Path) -> None:
     """Write summary.json and drive.log of a lane change, and the DBC for this period."""
     from virtual_drive import drive
 
-    from rt_controller.bus.cycle_times import with_cycle_times
     from rt_controller.bus.dbc import DBC_PATH
 
+    tool = Path(__file__).parents[2] / "tools" / "cycle_times.py"
+    with_cycle_times = runpy.run_path(str(tool))["with_cycle_times"]
     (folder / "messages.dbc").write_text(with_cycle_times(DBC_PATH.read_text()))
     drive(folder, model, "--record", str(folder / "drive.log"), "--scenario", "lane_change_60")
 

@@ -182,7 +182,7 @@ def test_the_exit_code_and_the_message_say_how_a_drive_ended(
 
     end_at_start(monkeypatch, end)
     pace = ("--pace", "lockstep") if bus == "virtual" else ("--channel", tmp_path.name[-20:])
-    found, message = run("--bus", bus, *pace, "--model-trial", "off", "--quiet")
+    found, message = run("--bus", bus, *pace, "--quiet")
     assert found == code
     assert expected in message
 
@@ -190,7 +190,7 @@ def test_the_exit_code_and_the_message_say_how_a_drive_ended(
 def test_all_names_and_ranges_are_refused_in_one_message_before_anything_is_loaded(
     run, monkeypatch
 ):
-    monkeypatch.setattr(terminal_run, "Bundle", None)
+    monkeypatch.setattr(terminal_run, "load_bundle", None)
     wrong = {
         "--model": "lit",
         "--scenario": "strait",

@@ -202,6 +202,8 @@ def test_the_commands_make_data_train_export_and_evaluate(command, tmp_path):
     assert "car: simulated c_class_150kw_awd" in out
     card = Path(exported["bundle"], "card.md").read_text(encoding="utf-8")
     assert "| car | simulated c_class_150kw_awd |" in card
+    assert "| trial | holds the simulated car: ey_peak_m " in card
+    assert exported["trial"]["ey_peak_m"] < 0.75
     assert exported["driven_radius"]["unsaturated"] <= 1.001
     assert exported["driven_radius"].keys() == exported["driven_growth_80"].keys()
     assert min(exported["persistence_mse_over_model_mse"].values()) > 1.0
@@ -233,7 +235,11 @@ def test_an_exported_model_is_not_evaluated_on_data_it_may_have_been_trained_on(
     code, _, err = command(cli.export_main, "--json", "no/such/folder.json")
     assert code == 2
     assert "--json" in err
-    assert command(cli.export_main)[0] in (0, None)
+    code, _, err = command(cli.export_main)
+    assert code == 2
+    assert "--model-trial off" in err  # the toy car is another than the simulated one
+    assert not (run / "bundle").exists()
+    assert command(cli.export_main, "--model-trial", "off")[0] in (0, None)
     assert "| validation loss | 0.25000 |" in (run / "bundle" / "card.md").read_text()
     assert load_bundle(run / "bundle").plans is not None
     library = ("--sets", "library", "--baselines", "none")
@@ -374,7 +380,11 @@ def test_a_bundle_gets_plans_in_its_folder_and_stays_the_same_model(command, wit
 
     other = replace(after, B_uc=1.5 * after.B_uc)
     save_bundle(Path("old"), other, "# a card")
-    code, out, _ = command(cli.export_main, "--bundle", "old", "--output", "new")
+    to_new = ("--bundle", "old", "--output", "new")
+    code, _, err = command(cli.export_main, *to_new)
+    assert (code, Path("new").exists()) == (2, False)
+    assert "expected it to hold and to predict the simulated car" in err
+    code, out, _ = command(cli.export_main, *to_new, "--model-trial", "off")
     assert not code
     assert "its own plans were replaced" in out
     require_stored_plans(load_bundle(Path("new")))

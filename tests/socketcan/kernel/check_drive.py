@@ -58,7 +58,7 @@ class Drive:
     def start_controller(self) -> "subprocess.Popen[bytes]":
         # What is late here says nothing about a vehicle.
         late = ("--realtime.deadline-ms", "25", "--max-misses", "1000000")
-        options = (*late, "--wait-s", "60", "--model-trial", "off")
+        options = (*late, "--wait-s", "60")
         model = ("--model", str(shipped_model("lti")))
         return self.start("controller", "rt_controller.cli", *model, *options)
 

@@ -8,7 +8,7 @@ against frames under a wrong identifier. Here that means three rules:
    and with it the data id.
 3. Eight bytes 0x00 and eight bytes 0xFF are not an intact frame of any message.
 
-`python -m rt_controller.bus.data_ids [DBC ...]` checks the DBC files of one bus (default:
+`python tools/data_ids.py [DBC ...]` checks the DBC files of one bus (default:
 messages.dbc), and prints the attribute line of each message that has no data ids.
 """
 
@@ -136,7 +136,7 @@ def new_lines(paths: Sequence[Path]) -> list[str]:
     if objections:
         raise ConfigError(
             "\n".join(objections) + "\nExpected data ids that obey the rules of "
-            "rt_controller/bus/data_ids.py. Delete the lines of these messages from the DBC and "
+            "tools/data_ids.py. Delete the lines of these messages from the DBC and "
             "run this command again."
         )
     lines = []

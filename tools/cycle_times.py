@@ -1,6 +1,6 @@
 """Write the cycle times that follow from the control period into both message catalogues.
 
-Run `python -m rt_controller.bus.cycle_times` after a change of `PERIOD_NS`.
+Run `python tools/cycle_times.py` after a change of `PERIOD_NS`.
 """
 
 import re
