@@ -14,8 +14,6 @@ from threading import Thread
 from typing import Any
 
 import can
-from can.exceptions import error_check
-from can.interfaces.slcan import slcanBus
 from can.interfaces.socketcan import SocketcanBus
 
 from rt_controller.contract.errors import (
@@ -26,26 +24,6 @@ from rt_controller.contract.errors import (
     install_command,
 )
 from rt_controller.contract.names import hint
-
-SEND_TIMEOUT_S = 0.001
-"""per frame: those of one period together take less than the period"""
-
-
-class BoundedSlcanBus(slcanBus):
-    """The interface slcan; a frame that the serial port does not take soon is an error."""
-
-    def send(self, msg: can.Message, timeout: float | None = None) -> None:
-        """Send a frame.
-
-        Raises:
-            can.CanOperationError: the port did not take it in time, whatever `timeout` is.
-        """
-        super().send(msg, SEND_TIMEOUT_S)
-
-    def _write(self, string: str) -> None:
-        with error_check("Could not write to serial device"):
-            self.serialPortOrig.write(string.encode() + self.LINE_TERMINATOR)
-
 
 Option = str | int | float | bool
 
@@ -142,7 +120,7 @@ def open_bus(
 
 def _open(interface: str, channel: str, settings: dict[str, Any]) -> can.BusABC:
     if interface == _SLCAN:
-        from rt_controller.bus.transport import BoundedSlcanBus
+        from rt_controller.bus.slcan import BoundedSlcanBus
 
         return BoundedSlcanBus(channel=channel, **settings)
     return can.Bus(channel=channel, interface=interface, ignore_config=True, **settings)

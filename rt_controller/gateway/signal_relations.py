@@ -140,9 +140,10 @@ def _answer(relation: Relation, signals: Signals) -> str:
         return "no"
     if best < LEAST_CORRELATION:
         return f"{CONTRADICTED}, the two are not related (correlation {best:.2f})"
-    return f"{CONTRADICTED}, {factor:.3g} times as expected" + (
-        "; try sign = -1" if factor < 0.0 else f"; try factor = {1.0 / factor:.3g}"
-    )
+    if relation.least_agreement < factor < 1.0 / relation.least_agreement:
+        return f"{CONTRADICTED}, in a part of the log only; the car may stand there"
+    hint = "; try sign = -1, or remove it" if factor < 0.0 else ""
+    return f"{CONTRADICTED}, {factor:.3g} times as expected{hint}"
 
 
 def is_contradiction(answer: str) -> bool:

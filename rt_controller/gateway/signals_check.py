@@ -138,10 +138,26 @@ def check_signals(
         load.duration_s,
         load.frames,
         load.percent,
-        [_report(slot, tracks[slot.name], begin_s, reader, load.frames) for slot in slots],
+        [
+            *(_report(slot, tracks[slot.name], begin_s, reader, load.frames) for slot in slots),
+            *_damaged_commands(command_slots(mapping), reader),
+        ],
         check_relations(usable, mapping.car.car.geometry if mapping.car else None),
         {name: count for name, count in dropped.items() if count},
     )
+
+
+def _damaged_commands(slots: Iterable[Slot], reader: SignalReader) -> Iterator[SlotReport]:
+    """Commands that were recorded and cannot be read; others may be missing."""
+    for slot in slots:
+        message = reader.sources[slot.name].message
+        counts = reader.counts[message.name]
+        if counts.wrong_checksum + counts.wrong_length > counts.accepted:
+            problem, remedy = reader.objection(slot.name)
+            identifier, column = f"{message.frame_id:#x}", slot.column.column
+            report = SlotReport(slot.name, column, message.name, identifier, slot.si, 0, 0, None)
+            report.ok, report.problem, report.remedy = False, problem, remedy
+            yield report
 
 
 class BusLoad:

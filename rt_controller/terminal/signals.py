@@ -11,7 +11,7 @@ import can
 from rich.console import Console
 
 from rt_controller.bus.transport import close_bus
-from rt_controller.contract.car import DEFAULT_CAR, UNNAMED_CAR
+from rt_controller.contract.car import DEFAULT_CAR
 from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.figures import require_writable, write_figures
 from rt_controller.gateway.command_check import require_sendable
@@ -54,7 +54,7 @@ def check_at_terminal(
             + ". Name a CAN log (.blf, .asc, .log, .trc), or the bus to listen to."
         )
     car = _read_car(file)
-    require_sendable(car, car.mapping.car.car if car.mapping.car else UNNAMED_CAR)
+    require_sendable(car, choose_car(car, load_bundle(find_model(None))))
     pauses_s: list[float] = []
     channel: int | str | None = None  # of a log
     with ExitStack() as opened:

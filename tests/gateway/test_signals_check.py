@@ -5,7 +5,7 @@ from math import cos, sin
 
 import numpy as np
 import pytest
-from own_car import EXAMPLE, VALUES, example, state_writer
+from own_car import EXAMPLE, VALUES, command_writer, example, state_writer
 
 from rt_controller.contract.car import UNNAMED_CAR
 from rt_controller.contract.errors import ConfigError
@@ -312,7 +312,9 @@ def test_a_log_that_begins_before_its_drive_is_judged_from_its_mission_on():
     assert "cannot be used" in problems(check(example(), early))["states.yaw_rate_radps"]
 
 
-@pytest.mark.parametrize(("factor", "hint"), [(-1.0, "try sign = -1"), (0.1, "try factor = 9.9")])
+@pytest.mark.parametrize(
+    ("factor", "hint"), [(-1.0, "try sign = -1"), (0.1, "0.1 times as expected")]
+)
 def test_a_contradicted_relation_says_by_how_much(factor, hint):
     tracks = {
         name: list(zip(STEP_S * np.arange(TICKS), values, strict=True))
@@ -361,3 +363,17 @@ def test_a_signal_with_two_tasks_in_a_message_is_refused(tmp_path):
     car = changed(tmp_path, 'counter = "RequestCounter"', 'counter = "RequestChecksum"')
     with pytest.raises(ConfigError, match="RequestChecksum, found the checksum and the counter"):
         require_sendable(car, UNNAMED_CAR)
+
+
+def test_recorded_commands_with_a_wrong_checksum_are_named(tmp_path):
+    writer, sent = command_writer(example()), frames()
+    values = dict.fromkeys(
+        ("commands.throttle", "commands.brake_n", "commands.steer_rad", "commands.mode"), 0.0
+    )
+    for tick in range(200):
+        for frame in writer.frames(values, tick):
+            frame.timestamp = 0.025 * tick
+            sent.append(LoggedFrame(len(sent) + 1, frame, "0"))
+    assert check(example(), sent).is_ok
+    wrong = changed(tmp_path, 'kind = "crc8_0x2f"', 'kind = "crc8_0x1d"')
+    assert "wrong checksum" in problems(check(wrong, sent))["commands.steer_rad"]
