@@ -111,6 +111,9 @@ def brake_beside_n(
     return min(min(beside_n, most_n) + driven_n, FULL_BRAKE_N)
 
 
+_LEAST_BOUND_RAD = INPUT_LIMITS.upper.steer_rad
+
+
 class SteeringGeometry(NamedTuple):
     """A car that rolls without sideslip of its tyres, as it does at walking pace."""
 
@@ -135,14 +138,17 @@ class SteeringGeometry(NamedTuple):
         front_rad, squared = steer_rad / self.steering_ratio, vx_mps**2
         return squared * front_rad / (self.wheelbase_m + UNDERSTEER_RAD_PER_MPS2 * squared)
 
-    def largest_wheel_rad(self, vx_mps: float, lateral_mps2: float) -> float:
+    def largest_wheel_rad(
+        self, vx_mps: float, lateral_mps2: float, accepted_mps2: float = inf
+    ) -> float:
         """Bound of the steering-wheel angle at a speed: 40 deg, or more at low speed.
 
-        Beyond 40 deg a steady turn stays within `lateral_mps2`, and the wheel within its lock.
+        Beyond 40 deg a steady turn stays within `lateral_mps2`, and the wheel within its lock. At
+        any angle it stays within `accepted_mps2`: of a fast car the bound is less than 40 deg.
         """
-        per_rad_mps2 = self.steady_lateral_mps2(vx_mps, 1.0)
-        by_speed_rad = min(self.lock_rad, lateral_mps2 / max(per_rad_mps2, 1e-6))
-        return max(by_speed_rad, INPUT_LIMITS.upper.steer_rad)
+        per_rad_mps2 = max(self.steady_lateral_mps2(vx_mps, 1.0), 1e-6)
+        by_speed_rad = max(min(self.lock_rad, lateral_mps2 / per_rad_mps2), _LEAST_BOUND_RAD)
+        return min(by_speed_rad, accepted_mps2 / per_rad_mps2)
 
 
 SMALLEST = SteeringGeometry(wheelbase_m=0.5, rear_axle_m=0.0, steering_ratio=1.0, lock_rad=0.1)

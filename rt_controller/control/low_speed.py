@@ -89,7 +89,7 @@ SPEED_GAIN_PER_S = 3.0
 """acceleration per speed error"""
 STRONGEST_MPS2 = 2.0
 """acceleration, and braking beyond that of the reference"""
-ACCEPTED, LEAST_MPS2_PER_RAD = 0.97, 1e-6
+ACCEPTED = 0.97
 """share of the lateral acceleration that the vehicle accepts, whose speed may differ a little"""
 LARGEST_CHANGE_MPS2 = 10.0 * PERIOD_S
 """of the wanted acceleration in one period: a jerk of 10 m/s^3"""
@@ -238,16 +238,12 @@ class LowSpeedLaw:
         return self._car.geometry.largest_wheel_rad(vx_mps, LARGEST_TURN_MPS2)
 
     def largest_plan_rad(self, vx_mps: float) -> float:
-        """Bound of the wheel angle of the model's plans at this speed.
-
-        A fast car is bounded to less than 40 deg: the vehicle refuses commands that mean more than
-        `largest_lateral_mps2`.
-        """
+        """Bound of the wheel angle of the model's plans; the vehicle accepts every such angle."""
         car, model_rad = self._car.car, self._car.model_rad
-        per_rad_mps2 = max(car.geometry.steady_lateral_mps2(vx_mps, 1.0), LEAST_MPS2_PER_RAD)
-        accepted_rad = ACCEPTED * car.largest_lateral_mps2 / per_rad_mps2
-        most_rad = car.geometry.largest_wheel_rad(vx_mps, car.plan_lateral_mps2)
-        return min(most_rad, model_rad, accepted_rad)
+        accepted_mps2 = ACCEPTED * car.largest_lateral_mps2
+        return min(
+            car.geometry.largest_wheel_rad(vx_mps, car.plan_lateral_mps2, accepted_mps2), model_rad
+        )
 
     def choose(self, vx_mps: float, path: PathReference, wheel_rad: float = 0.0) -> Mode:
         """The law of this tick, with the wheel at `wheel_rad`."""
