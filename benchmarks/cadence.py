@@ -216,7 +216,7 @@ def drive_in_real_time(
         summary_file, ticks_file = folder / "controller.json", folder / "ticks.csv"
         car = program("sim_bridge.cli", *bus, "--scenario", str(scenario))
         start(*car, log=car_log, cpu=car_cpu, running=running)
-        files = ("--json", str(summary_file), "--ticks", str(ticks_file), "--model-trial", "off")
+        files = ("--json", str(summary_file), "--ticks", str(ticks_file))
         cpu = ("--realtime.cpu", str(controller_cpu))
         command = program("rt_controller.cli", *bus, *cpu, *files, *options)
         controller = start(*command, log=controller_log, running=running)
