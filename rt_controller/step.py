@@ -199,7 +199,7 @@ class ControlStep:
     ) -> PlannedInput:
         """Plan from the state and the path that the supervisor accepts, or hold the last plan.
 
-        `before` is the input of the last period, `of_car` that with which somebody else drives.
+        `before` is the input of the last period, `of_car` that of the driver who still drives.
 
         A safe stop is planned too, with or without a mission: it is steered along the path, from
         the estimated state and along the last known path where they are not received.

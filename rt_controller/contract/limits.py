@@ -54,7 +54,8 @@ SLOW_MPS, SLOW_BRAKE_N = 9.0, 60.0
 """a slower car brakes with at least this force, 3 m/s^2: it stops within 14 m on a level road, and
 also 20 % downhill, where the least force of a faster one does not stop it"""
 LEAST_SLOWING_MPS2, TOLERATED_MPS, MORE_BRAKE_N_PER_MPS = 0.8, 0.3, 20.0
-"""deceleration that every stop reaches, and the least force of one that is slower than that"""
+"""deceleration that a stop has at least where the grip allows it; excess of the speed over it that
+is tolerated; force that is added for each m/s of further excess"""
 HARD_BRAKE_N, HARD_BRAKE_RATE_N_PER_S = 100.0, 300.0
 """about 0.5 g, of a car whose place is not known: only a short stop keeps it near its path"""
 LESS_BRAKE_N_PER_MPS2 = 20.0

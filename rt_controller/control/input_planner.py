@@ -89,7 +89,7 @@ class InputPlanner:
             stops: the car is to be brought to rest, whatever speed the path says.
             under_way: inputs that were sent and act, one a period, before the one of this tick.
             steering_rate_radps: largest rate of the wheel, if it is below that of the commands.
-            of_car: the input with which somebody else drives the car; None: nobody does.
+            of_car: input of the driver who still drives the car; None: the controller drives.
         """
         previous_law = self._low_speed.law
         slow_path = path._replace(v_mps=0.0, a_mps2=0.0) if stops else path

@@ -104,10 +104,11 @@ class Measurement:
         name = self.slot.name
         reasons = "; ".join(f"{n} {reason}" for reason, n in self.unusable.most_common(3))
         remedy = "the car has no value then; if it has, correct the DBC"
-        if self.unusable[self.implausible] or any("range of" in each for each in self.unusable):
+        is_beyond_dbc = any("range of" in each for each in self.unusable)
+        if self.unusable[self.implausible] or is_beyond_dbc:
             remedy = f"check unit, factor and offset, or write plausible for {name}"
         for part, hint in ((part, placeholder(part)) for part in self.summands):
-            if not hint:
+            if not hint or not is_beyond_dbc:
                 continue
             low, high = range_of(part)
             remedy = (
