@@ -27,6 +27,7 @@ _ATTRIBUTES = (
 _DEFINITION = re.compile(r'\s*BA_DEF_(?:DEF_)?\s+(?:\w+\s+)?"(?P<attribute>\w+)"')
 _VALUE = re.compile(r'\s*BA_\s+"(?P<attribute>\w+)"\s+(?:BO_|SG_)\s+(?P<identifier>\d+)\s')
 _ANY_MESSAGE = "BO_ 1 Any: 8 Vector__XXX\n"
+"""of a DBC in which a definition of an attribute is tried"""
 _SYNTAX = re.compile(r"^Invalid syntax at line \d+, column \d+: ")
 
 
