@@ -1,7 +1,7 @@
 """The data set: whole episodes, the slices of them, and which part each episode belongs to.
 
 On disk: recording.npz, and manifest.json with signals, origin and the SHA-256 of all numbers. Those
-of the simulated car are in the cache, in folders named after what they follow from.
+of the simulated car are in the cache, where they are found by their origin.
 
 Slices are the paper's trajectories, on which every model is validated and tested. A model may
 learn from any window of the training episodes.
@@ -14,8 +14,8 @@ the same; with different seeds no episode is shared. Both hold whatever the reci
 import hashlib
 import json
 import os
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass
 from importlib.metadata import version
 from pathlib import Path
@@ -317,16 +317,19 @@ def cache() -> Path:
 
 
 def cache_folder(origin: Simulated) -> Path:
-    """The folder of the data set of that origin."""
-    return cache() / origin.name
+    """The folder in the cache that has the data set of that origin, or a new one for it."""
+    found = _find_in_cache(lambda manifest: manifest.origin == origin)
+    return found or cache() / origin.name
 
 
 def find_dataset(sha256: str) -> Path | None:
     """The folder in the cache whose data set has this digest; None if there is none."""
+    return _find_in_cache(lambda manifest: manifest.sha256 == sha256)
+
+
+def _find_in_cache(is_wanted: Callable[[Manifest], bool]) -> Path | None:
     for manifest in sorted(cache().glob(f"*/{MANIFEST_FILE}")):
-        try:
-            if read_manifest(manifest).sha256 == sha256:
+        with suppress(DatasetError):  # damaged, or of another version
+            if is_wanted(read_manifest(manifest)):
                 return manifest.parent
-        except DatasetError:
-            continue  # damaged, or of another version
     return None

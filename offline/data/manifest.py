@@ -3,7 +3,7 @@
 import hashlib
 import json
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
@@ -13,9 +13,7 @@ from offline.data.recipe import Recipe
 from offline.data.signals import Roles
 from rt_controller.contract.car import car_of
 from rt_controller.contract.errors import DatasetError
-from rt_controller.contract.files import (
-    read_text,
-)
+from rt_controller.contract.files import read_text
 from rt_controller.contract.limits import SteeringGeometry
 from rt_controller.contract.signals import Schema
 from rt_controller.model.bundle import Bundle
@@ -48,18 +46,8 @@ class Simulated:
 
     @property
     def name(self) -> str:
-        """Folder name of such a data set in the cache."""
-        fields = asdict(self)
-        recipe = fields["recipe"]
-        # A data set of an older recipe keeps the name that it has in existing caches.
-        if recipe["largest_steer_deg"] is None:
-            del recipe["largest_steer_deg"]
-        if (variation := recipe.pop("variation")) is None:
-            recipe |= {"road_friction": None, "mass_factor": None}
-        else:
-            recipe["variation"] = variation.model_dump()
-        digest = hashlib.sha256(json.dumps(fields, sort_keys=True).encode())
-        return f"{self.episodes}-episodes-{digest.hexdigest():.16}"
+        """Folder name of a new data set of this origin in the cache."""
+        return f"{self.episodes}-episodes-{hashlib.sha256(repr(self).encode()).hexdigest():.16}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,13 +116,7 @@ class Manifest:
 
     def to_json(self) -> str:
         """The text of the file; `read_manifest` is the inverse."""
-        fields = _MANIFEST.dump_python(self, mode="json")
-        if not self.car:
-            del fields["car"]
-        recipe = fields["origin"].get("recipe", {})
-        if recipe.get("largest_steer_deg", 0.0) is None:
-            del recipe["largest_steer_deg"]
-        return json.dumps(fields, indent=2) + "\n"
+        return _MANIFEST.dump_json(self, indent=2).decode() + "\n"
 
 
 _MANIFEST = TypeAdapter(Manifest)
