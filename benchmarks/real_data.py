@@ -6,12 +6,12 @@ from typing import Annotated, Any
 
 import cyclopts
 
-from offline.commands.bundle import export_run
-from offline.commands.evaluation import evaluation_figures, run_evaluation
+from offline.commands.evaluate import evaluation_figures, run_evaluation
+from offline.commands.export import export_run
 from offline.commands.log_import import import_logs
-from offline.commands.options import THIS_MACHINE, EvaluationOptions
+from offline.commands.options import THIS_MACHINE
 from offline.commands.terminal import STDOUT
-from offline.commands.training_run import start_run
+from offline.commands.train import start_run
 from offline.config import TrainingConfig
 from offline.data.dataset import exists
 from offline.evaluation.tables import ratio_table, rms_table
@@ -96,8 +96,7 @@ def main(
                 if exit_code:
                     return exit_code
                 export_run(Path(trained["run"]), models[-1], None)
-        options = EvaluationOptions(models, data, list(baselines), sets=["library"])
-        evaluation = run_evaluation(options)
+        evaluation = run_evaluation(models, data, baselines, ["library"])
         comparison = evaluation.comparison
         library = comparison.sets[0]
         STDOUT.print(f"\n**{name}**\n", markup=False)

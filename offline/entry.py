@@ -4,11 +4,10 @@ from functools import partial
 
 from rt_controller.terminal.entry import start
 
-data_main = partial(start, "offline-data", "offline.cli", "data_main")
-import_main = partial(start, "offline-import", "offline.cli", "import_main")
-train_main = partial(start, "offline-train", "offline.cli", "train_main")
-export_main = partial(start, "offline-export", "offline.cli", "export_main")
-evaluate_main = partial(start, "offline-evaluate", "offline.cli", "evaluate_main")
-report_main = partial(start, "offline-report", "offline.cli", "report_main")
-replay_main = partial(start, "offline-replay", "offline.cli", "replay_main")
+data_main = partial(start, "offline-data", "offline.commands.data")
+import_main = partial(start, "offline-import", "offline.commands.import_logs")
+train_main = partial(start, "offline-train", "offline.commands.train")
+export_main = partial(start, "offline-export", "offline.commands.export")
+evaluate_main = partial(start, "offline-evaluate", "offline.commands.evaluate")
+replay_main = partial(start, "offline-replay", "offline.commands.replay")
 ablate_main = partial(start, "offline-ablate", "offline.cli", "ablate_main")

@@ -16,7 +16,7 @@ import numpy as np
 import scipy.linalg
 
 from offline.data.dataset import Dataset
-from offline.data.signals import Scaling, Trajectories, history_rows
+from offline.data.signals import Scaling, Trajectories, history_rows, last_rows
 from offline.evaluation.predictor import Predictor, prediction_errors
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.errors import DatasetError
@@ -154,3 +154,25 @@ def best_model(models: Iterable[Model], dataset: Dataset) -> Model:
             "among the settings of this baseline. Leave it out, or give it other settings."
         )
     return best
+
+
+def scale_windows(
+    scaling: Scaling, past_steps: int, x0: Array, past: Array, U: Array, W: Array
+) -> tuple[Array, Array, Array, Array]:
+    """Scaled x0, U, W and last `past_steps` rows of the past; arguments of `Predictor.predict`.
+
+    Raises:
+        DatasetError: a shape does not fit the baseline or the other arrays.
+    """
+    n, m, p, h = map(len, (scaling.x_scale, scaling.u_scale, scaling.w_scale, scaling.past_scale))
+    found = tuple(each.shape for each in (x0, past, U, W))
+    batch, steps, rows = len(x0), *(part.shape[1] if part.ndim > 1 else 0 for part in (U, past))
+    expected = ((batch, n), (batch, rows, h), (batch, steps, m), (batch, steps, p))
+    if found != expected or rows < past_steps:
+        raise DatasetError(
+            f"expected x0 (batch, {n}), past (batch, {past_steps} or more, {h}), U (batch, K, {m}) "
+            f"and W (batch, K, {p}), found {', '.join(map(str, found))}. Predict on windows of the "
+            f"signals that the baseline was fitted to."
+        )
+    rows_of_past = (last_rows(past, past_steps) - scaling.past_centre) / scaling.past_scale
+    return scaling.normalise_states(x0), U / scaling.u_scale, W / scaling.w_scale, rows_of_past

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from offline.baselines.baseline import scale_windows
+from offline.baselines.fitting import scale_windows
 from offline.data.dataset import Dataset
 from offline.data.manifest import describe_training
 from offline.data.signals import Scaling, Trajectories, fit_scaling, last_rows, past_names
@@ -32,10 +32,6 @@ class Persistence:
     def predict(self, x0: Array, past: Array, U: Array, W: Array) -> Array:
         """States (batch, K+1, n), all equal to x0 (batch, n)."""
         return np.repeat(x0[:, None, :], U.shape[1] + 1, axis=1)
-
-    def fit_info(self) -> tuple[Fact, ...]:
-        """Nothing: there is nothing to fit."""
-        return ()
 
 
 @dataclass(frozen=True)
@@ -95,10 +91,6 @@ class LinearPerCurvature:
             model = LinearModel(self.scaling, Matrices(A, B_uc, B_uw, c))
             states[at] = model.predict(x0[at], past[at], U[at], W[at])
         return states
-
-    def fit_info(self) -> tuple[Fact, ...]:
-        """The curvatures that have a model."""
-        return (Fact("curvatures in 1/m", ", ".join(f"{kappa:g}" for kappa in self.models)),)
 
 
 def fit_linear(dataset: Dataset) -> LinearModel:

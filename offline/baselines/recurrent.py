@@ -19,9 +19,8 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from offline.baselines.baseline import scale_windows
 from offline.baselines.fitting import log_error as validation_score
-from offline.baselines.fitting import tuning_windows
+from offline.baselines.fitting import scale_windows, tuning_windows
 from offline.baselines.road_path import Learned, path_states, split_path
 from offline.config import PAST_STEPS, RECOMMENDED, TrainingConfig
 from offline.data.dataset import Dataset
@@ -30,7 +29,6 @@ from offline.data.signals import Scaling, fit_scaling
 from offline.model.losses import horizon_of_step, log_error
 from offline.training.optimizer import Optimizer, keep_lowest
 from rt_controller.contract.arrays import Array
-from rt_controller.report.table import Fact
 
 CONFIG = RECOMMENDED.model_copy(
     update={
@@ -94,12 +92,8 @@ class RecurrentModel:
     learned: Learned
     scaling: Scaling
     dt_s: float
-    steps: int = 0
-    """of the training"""
     is_converged: bool = True
     """False if the training ended at a limit, before the validation error was flat"""
-    score: float = math.inf
-    """log error on the validation part"""
 
     def predict(self, x0: Array, past: Array, U: Array, W: Array) -> Array:
         """States (batch, K+1, n), as `Predictor.predict`."""
@@ -127,18 +121,6 @@ class RecurrentModel:
         path = (path - centre[n:]) / scale[n:]
         return torch.cat([states, path.transpose(0, 1)], dim=-1)
 
-    def fit_info(self) -> tuple[Fact, ...]:
-        """Size of the network, how the path is made, and the end of the training."""
-        end = "validation error is flat" if self.is_converged else "not converged"
-        return (
-            Fact("parameters", str(sum(each.numel() for each in self.network.parameters()))),
-            Fact("past periods", str(self.past_steps)),
-            Fact("path", "learned" if self.learned.curvature is None else "integrated"),
-            Fact("training steps", str(self.steps)),
-            Fact("end of the training", end),
-            Fact("validation log error", f"{self.score:.3f}"),
-        )
-
 
 def fit_network(dataset: Dataset, config: TrainingConfig = CONFIG) -> RecurrentModel:
     """The network of the smallest validation error.
@@ -155,6 +137,18 @@ def fit_network(dataset: Dataset, config: TrainingConfig = CONFIG) -> RecurrentM
             return _train(_untrained(dataset, config), dataset, config)
     finally:
         torch.set_num_threads(threads)
+
+
+def _untrained(dataset: Dataset, config: TrainingConfig) -> RecurrentModel:
+    """A model of this size, with random weights."""
+    train, learned = dataset.select("train"), split_path(dataset.schema)
+    scaling = fit_scaling(train, dataset.schema, dataset.roles)
+    changes = np.diff(train.x[..., : learned.states].astype(np.float64), axis=1)
+    spread = np.sqrt(np.square(changes).mean(axis=(0, 1))) / scaling.x_scale[: learned.states]
+    acting = len(learned.exogenous)
+    seen = learned.states + config.history_steps * len(scaling.past_scale) + acting
+    network = Gated(config, seen, len(scaling.u_scale) + acting, _tensor(spread))
+    return RecurrentModel(network, config.history_steps, learned, scaling, dataset.schema.dt_s)
 
 
 def _train(model: RecurrentModel, dataset: Dataset, config: TrainingConfig) -> RecurrentModel:
@@ -187,7 +181,7 @@ def _train(model: RecurrentModel, dataset: Dataset, config: TrainingConfig) -> R
                 is_late = time.process_time() - begin_s >= (1.0 - DECAY) * MOST_CPU_S
                 if is_flat or is_late:
                     end = round(step / (1.0 - DECAY))
-    return replace(model, network=best, steps=step, is_converged=is_flat, score=min(scores))
+    return replace(model, network=best, is_converged=is_flat)
 
 
 def rate_at(step: int, end: int, config: TrainingConfig) -> float:
@@ -196,18 +190,6 @@ def rate_at(step: int, end: int, config: TrainingConfig) -> float:
     rise = min(1.0, (step + 1) / (WARM_UP * config.steps))
     fallen = max(0.0, (step - first) / max(end - first, 1))
     return config.learning_rate * rise * 0.5 * (1.0 + math.cos(math.pi * fallen))
-
-
-def _untrained(dataset: Dataset, config: TrainingConfig) -> RecurrentModel:
-    """A model of this size, with random weights."""
-    train, learned = dataset.select("train"), split_path(dataset.schema)
-    scaling = fit_scaling(train, dataset.schema, dataset.roles)
-    changes = np.diff(train.x[..., : learned.states].astype(np.float64), axis=1)
-    spread = np.sqrt(np.square(changes).mean(axis=(0, 1))) / scaling.x_scale[: learned.states]
-    acting = len(learned.exogenous)
-    seen = learned.states + config.history_steps * len(scaling.past_scale) + acting
-    network = Gated(config, seen, len(scaling.u_scale) + acting, _tensor(spread))
-    return RecurrentModel(network, config.history_steps, learned, scaling, dataset.schema.dt_s)
 
 
 def _tensor(array: Array) -> Tensor:

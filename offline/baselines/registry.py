@@ -1,21 +1,75 @@
-"""Baselines by name: found, fitted, kept in a cache once fitted, and chosen for an evaluation."""
+"""The baselines: one row each, fitted once, kept in a cache, and chosen for an evaluation.
+
+A new baseline is a fit function and a row of `BASELINES`. For the settings that a row lists, every
+combination is fitted, and the one with the smallest error on the validation part is kept.
+"""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
 from importlib.metadata import version
+from typing import Any, Literal
 
-from offline.baselines.baseline import Baseline, FittedBaseline
-from offline.baselines.catalogue import CATALOGUE
+from offline.baselines.bilinear import fit_bilinear
+from offline.baselines.linear import (
+    Persistence,
+    find_objection_to_roads,
+    fit_linear,
+    fit_per_curvature,
+    to_bundle,
+)
+from offline.baselines.scheduled import fit_scheduled
+from offline.config import PAST_STEPS
 from offline.data.dataset import Dataset, cache
-from offline.evaluation.comparison import Comparison, compare_models
 from offline.evaluation.held_out import find_objection
-from offline.evaluation.model_card import identity_facts
 from offline.evaluation.predictor import Predictor
-from offline.evaluation.test_sets import library_set
 from offline.model.bundle_predictor import BundlePredictor
 from rt_controller.contract.errors import ConfigError, DatasetError
 from rt_controller.model.artifact import load_bundle, shipped_model
 from rt_controller.model.bundle import Bundle
-from rt_controller.report.table import Fact
+from rt_controller.model.lift import LiftSample
+
+
+@dataclass(frozen=True, slots=True)
+class Baseline:
+    """How a baseline is made: a row of `BASELINES`."""
+
+    model_class: Literal["linear", "recurrent", "other"]
+    """linear: in states, past and inputs, also scheduled by speed or road, without other
+    observables; an evaluation names the best linear baseline"""
+    fit: Callable[[Dataset], Predictor]
+    """fits to the training part, and chooses settings on the validation part; a function, or a
+    `functools.partial` of one with its settings; the result can be pickled"""
+    to_bundle: Callable[[str, Any, Dataset, LiftSample], Bundle] | None = None
+    """name, fitted baseline, data, self-test instants → bundle; None if no controller can use it"""
+    find_objection: Callable[[Dataset], str | None] = lambda dataset: None
+    """why it cannot be fitted to these data, as the end of a sentence; None if it can"""
+
+
+def _fit_gru(dataset: Dataset) -> Predictor:
+    from offline.baselines.recurrent import fit_network  # imports torch, which takes seconds
+
+    return fit_network(dataset)
+
+
+_fit_delays = partial(fit_scheduled, past_steps=(1, 2, 3, 4, 6, 8, 12, 16, PAST_STEPS))
+_fit_blended = partial(
+    fit_scheduled, past_steps=(2, 8, 20), knots=(2, 4, 8), ridges=(1e-10, 1e-6, 1e-4)
+)
+_fit_products = partial(fit_bilinear, observables=(66, 150, 300), past_steps=(4, 12))
+
+BASELINES = {
+    "dmdc-delays-path": Baseline("linear", _fit_delays),
+    "edmd-bilinear": Baseline("other", _fit_products, to_bundle),
+    "gru": Baseline("recurrent", _fit_gru),
+    "lti": Baseline("linear", fit_linear, to_bundle),
+    "lti-per-curvature": Baseline(
+        "linear", fit_per_curvature, find_objection=find_objection_to_roads
+    ),
+    "lti-scheduled-delays": Baseline("linear", _fit_blended),
+    "persistence": Baseline("other", lambda dataset: Persistence()),
+}
+"""by name, in alphabetical order"""
 
 SHIPPED = "mdk-net-paper"
 """the paper's network with the training of the preset paper, a bundle of this package"""
@@ -27,33 +81,23 @@ DEFAULT_BASELINES = (*PLAIN_BASELINES, "dmdc-delays-path", "lti-scheduled-delays
 ALL, NONE = "all", "none"
 
 
-def names() -> tuple[str, ...]:
-    """Names of all baselines that can be fitted, in alphabetical order."""
-    return tuple(sorted(CATALOGUE))
-
-
-def all_baselines() -> tuple[str, ...]:
-    """Those, and the paper's network, which ships."""
-    return (*names(), SHIPPED)
-
-
 def find_baseline(name: str) -> Baseline:
     """The baseline of that name.
 
     Raises:
         ConfigError: there is none.
     """
-    if name not in CATALOGUE:
-        raise ConfigError(f"baseline: expected one of {', '.join(names())}, found {name!r}.")
-    return CATALOGUE[name]
+    if name not in BASELINES:
+        raise ConfigError(f"baseline: expected one of {', '.join(BASELINES)}, found {name!r}.")
+    return BASELINES[name]
 
 
-def fit(name: str, dataset: Dataset, refit: bool = False) -> FittedBaseline:
+def fit(name: str, dataset: Dataset, refit: bool = False) -> Predictor:
     """The baseline fitted to these data, from the cache if it was fitted to them before.
 
-    A fit of the cache counts for its data, the settings in its row of the catalogue, and the
-    version of this package; `refit` replaces it, as after a change of the baseline's code. A file
-    of the cache that cannot be read is replaced too.
+    A fit of the cache counts for its data, the settings in its row of the table, and the version
+    of this package; `refit` replaces it, as after a change of the baseline's code. A file of the
+    cache that cannot be read is replaced too.
 
     Raises:
         ConfigError: there is no such baseline, or the folder cannot be written.
@@ -79,14 +123,11 @@ def fit(name: str, dataset: Dataset, refit: bool = False) -> FittedBaseline:
             f"XDG_CACHE_HOME to a folder that can be written."
         ) from error
     settings = repr(getattr(baseline.fit, "keywords", ""))
-    release = version("rt-controller")
-    fitted: FittedBaseline = cached(name, dataset.sha256, settings, release, dataset)
+    fitted: Predictor = cached(name, dataset.sha256, settings, version("rt-controller"), dataset)
     return fitted
 
 
-def _fit(
-    name: str, data_sha256: str, settings: str, release: str, dataset: Dataset
-) -> FittedBaseline:
+def _fit(name: str, data_sha256: str, settings: str, release: str, dataset: Dataset) -> Predictor:
     """The key of the cache is all arguments but the last."""
     return find_baseline(name).fit(dataset)
 
@@ -97,14 +138,15 @@ def choose_baselines(names: Sequence[str]) -> tuple[str, ...]:
     Raises:
         ConfigError: a name is unknown.
     """
+    known = (*BASELINES, SHIPPED)
     if not names:
         return DEFAULT_BASELINES
     if tuple(names) in ((ALL,), (NONE,)):
-        return all_baselines() if names[0] == ALL else ()
-    unknown = [name for name in names if name not in all_baselines()]
+        return known if names[0] == ALL else ()
+    unknown = [name for name in names if name not in known]
     if unknown:
         raise ConfigError(
-            f"--baselines: expected {ALL}, {NONE}, or some of {', '.join(all_baselines())}, found "
+            f"--baselines: expected {ALL}, {NONE}, or some of {', '.join(known)}, found "
             f"{', '.join(unknown)}."
         )
     return tuple(dict.fromkeys(names))
@@ -145,6 +187,16 @@ def open_baselines(
     return opened
 
 
+def _find_objection(name: str, dataset: Dataset, models: Sequence[Bundle]) -> str | None:
+    """Why it cannot be a baseline here, as the end of a sentence; None if it can."""
+    if name != SHIPPED:
+        return find_baseline(name).find_objection(dataset)
+    shipped = load_bundle(shipped_model(SHIPPED))
+    if any(shipped.sha256 == bundle.sha256 for bundle in models):
+        return "it is one of the evaluated models"
+    return find_objection([shipped], dataset.manifest)
+
+
 def table_of_classes(names: Iterable[str]) -> dict[str, str]:
     """Class of those of these baselines that are linear or recurrent."""
     found = {name: find_baseline(name).model_class for name in names if name != SHIPPED}
@@ -154,31 +206,3 @@ def table_of_classes(names: Iterable[str]) -> dict[str, str]:
 def not_converged(opened: Mapping[str, Predictor]) -> tuple[str, ...]:
     """Names of those whose training ended before their validation error was flat."""
     return tuple(name for name, model in opened.items() if not getattr(model, "is_converged", True))
-
-
-def compare_with_plain_baselines(bundle: Bundle, dataset: Dataset) -> Comparison:
-    """Errors of a new bundle, linear models and persistence on the test part of the data set.
-
-    A bundle with the name of a baseline replaces it.
-    """
-    names = tuple(name for name in PLAIN_BASELINES if name != bundle.name)
-    baselines = open_baselines(names, dataset, [bundle], is_required=False)
-    models = {bundle.name: BundlePredictor(bundle)}
-    return compare_models(models, baselines, [library_set(dataset)], dataset.schema)
-
-
-def baseline_facts(name: str, dataset: Dataset) -> list[Fact]:
-    """What is to be reported of a baseline that was opened."""
-    if name == SHIPPED:
-        return identity_facts(load_bundle(shipped_model(SHIPPED)))
-    return [*fit(name, dataset).fit_info()]
-
-
-def _find_objection(name: str, dataset: Dataset, models: Sequence[Bundle]) -> str | None:
-    """Why it cannot be a baseline here, as the end of a sentence; None if it can."""
-    if name != SHIPPED:
-        return find_baseline(name).find_objection(dataset)
-    shipped = load_bundle(shipped_model(SHIPPED))
-    if any(shipped.sha256 == bundle.sha256 for bundle in models):
-        return "it is one of the evaluated models"
-    return find_objection([shipped], dataset.manifest)

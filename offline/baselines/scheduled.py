@@ -17,15 +17,20 @@ from typing import NamedTuple
 
 import numpy as np
 
-from offline.baselines.baseline import scale_windows
-from offline.baselines.fitting import RIDGES, Candidate, Transitions, fit_ridge, pick_transitions
+from offline.baselines.fitting import (
+    RIDGES,
+    Candidate,
+    Transitions,
+    fit_ridge,
+    pick_transitions,
+    scale_windows,
+)
 from offline.baselines.road_path import Learned, path_states, split_path
 from offline.data.dataset import Dataset
 from offline.data.signals import Roles, Scaling, fit_scaling, past_columns
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.signals import Schema
 from rt_controller.model.follow import Follow
-from rt_controller.report.table import Fact
 
 
 class Structure(NamedTuple):
@@ -87,20 +92,6 @@ class ScheduledModel:
             if (kappa := structure.learned.curvature) is not None:
                 parts.append(path_states(np, states, x0, W[..., kappa], structure.schema.dt_s))
         return np.concatenate([x0[:, None], np.concatenate(parts, axis=2)], axis=1)
-
-    def fit_info(self) -> tuple[Fact, ...]:
-        """Past, knots, and how it was fitted."""
-        structure, scaling, speed = self.structure, self.structure.scaling, self.structure.speed
-        physical = structure.knots * scaling.x_scale[speed] + scaling.x_centre[speed]
-        is_blended = len(structure.knots) > 1
-        knots = ", ".join(f"{v:.3g}" for v in physical) if is_blended else "none"
-        return (
-            Fact("past periods", str(structure.past_steps)),
-            Fact(f"knots of {structure.schema.state_names[speed]}", knots),
-            Fact("speed in a prediction", str(structure.follows) if is_blended else "not used"),
-            Fact("path", "learned" if structure.learned.curvature is None else "integrated"),
-            Fact("ridge of the one-step fit", f"{self.ridge:g}"),
-        )
 
 
 def fit_scheduled(

@@ -1,66 +1,18 @@
 """The data set of a command: loaded from its folder, or made now with a progress bar."""
 
-import time
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from offline.commands.terminal import STDERR, STDOUT, progress_bar, stop_on_signals
+from offline.commands.terminal import STDERR, progress_bar, stop_on_signals
 from offline.config import TrainingConfig, explicit_fields
 from offline.data.dataset import Dataset, cache_folder, exists, load_dataset
 from offline.data.generate import make_dataset, simulated_origin
 from offline.data.manifest import Imported, Origin, Simulated
 from offline.data.recipe import Recipe
-from offline.data.variation import describe
 from offline.experiments.backend import Backend
 from offline.experiments.training_task import CampaignData, measure_linear_model
 from rt_controller.contract.errors import DatasetError
-from rt_controller.report.table import Column, Table, print_table
-
-EXTREMES = ("minimum", "mean", "maximum")
-
-
-def condition_figures(dataset: Dataset) -> dict[str, dict[str, float]]:
-    """Extremes and means of each condition over all samples."""
-    rows = dataset.conditions_at(slice(None))
-    extremes = zip(rows.min(axis=0), rows.mean(axis=0, dtype=float), rows.max(axis=0), strict=True)
-    return {
-        name: dict(zip(EXTREMES, map(float, values), strict=True))
-        for name, values in zip(dataset.manifest.conditions, extremes, strict=True)
-    }
-
-
-def make_data(
-    episodes: int, seed: int, recipe: Recipe, data: Path | None, backend: Backend
-) -> dict[str, Any]:
-    """Figures of `offline-data`."""
-    begun = time.monotonic()
-    folder, dataset = _find_or_make(data, episodes, seed, recipe, backend)
-    wall_s = time.monotonic() - begun
-    require_origin(folder, dataset.origin, episodes, seed, recipe)
-    manifest = dataset.manifest
-    STDOUT.print(
-        f"{manifest.trajectories} trajectories of {episodes} episodes, "
-        f"{100 * manifest.rejected_fraction:.1f} % of the drawn drives rejected, "
-        f"SHA-256 {dataset.sha256:.16}…, {wall_s:.1f} s\n{folder}",
-        soft_wrap=True,
-    )
-    figures = {
-        "folder": str(folder),
-        "n_episodes": episodes,
-        "n_trajectories": manifest.trajectories,
-        "rejected_fraction": manifest.rejected_fraction,
-        "sha256": dataset.sha256,
-        "wall_s": wall_s,
-    }
-    if (variation := recipe.variation) is None:
-        return figures
-    conditions = condition_figures(dataset)
-    STDOUT.print(f"drawn with {describe(variation)}", soft_wrap=True)
-    heads = (Column("condition", is_text=True), *map(Column, EXTREMES))
-    rows = ((name, *(f"{v:.3f}" for v in found.values())) for name, found in conditions.items())
-    print_table(Table("conditions of all samples", heads, tuple(rows)), STDOUT)
-    return {**figures, "recipe": variation.model_dump(), "conditions": conditions}
 
 
 def ensure_dataset(
@@ -77,12 +29,13 @@ def ensure_dataset(
     if data is not None:
         return data, load_dataset(data)
     recipe = Recipe(largest_steer_deg=config.largest_steer_deg)
-    return _find_or_make(None, config.episodes, config.data_seed, recipe, backend)
+    return find_or_make(None, config.episodes, config.data_seed, recipe, backend)
 
 
-def _find_or_make(
+def find_or_make(
     data: Path | None, episodes: int, seed: int, recipe: Recipe, backend: Backend
 ) -> tuple[Path, Dataset]:
+    """The data set in the named folder, or the one of that recipe; made now if there is none."""
     if data is not None and exists(data):
         return data, load_dataset(data)
     origin = simulated_origin(recipe, episodes, seed)

@@ -1,13 +1,15 @@
-"""Options that several commands have, with their help texts, and what is checked at the start."""
+"""Options that several commands have, with their help texts, and what is checked at the start.
 
-from dataclasses import dataclass
+The commands import everything heavy inside their functions, so that `--help` and refused options
+need neither numpy nor torch.
+"""
+
 from pathlib import Path
 from typing import Annotated
 
 from cyclopts import Parameter
 
 from offline.config import TrainingConfig
-from offline.data.variation import Variation
 from offline.experiments.backend import Backend
 from rt_controller.contract.errors import require_packages
 from rt_controller.contract.figures import require_writable
@@ -15,28 +17,32 @@ from rt_controller.contract.figures import require_writable
 RUNS = Path("runs")
 LATEST_RUN = RUNS / "latest"
 OFFLINE_PACKAGES = ("torch", "onnx", "onnxscript", "joblib", "onnxruntime")
+THIS_MACHINE = Backend()
 
 Config = Annotated[
     TrainingConfig | None, Parameter(name="*", negative_none="no-", consume_multiple=True)
 ]
-Ranges = Annotated[
-    Variation | None,
-    Parameter(
-        name="*",
-        group="Road, wind, load and tyres",
-        negative_none="no-",
-        negative_iterable="",
-    ),
-]
-Names = Annotated[list[str] | None, Parameter(consume_multiple=True, negative="")]
+Logs = Annotated[list[Path], Parameter(consume_multiple=True, negative="")]
 JsonFile = Annotated[Path | None, Parameter(name="--json", help="write the figures to this file")]
 DataFolder = Annotated[
     Path | None,
     Parameter(help="folder of the data set; default: one in the cache, which is printed"),
 ]
 
-
-THIS_MACHINE = Backend()
+TRAINING_GROUPS = {
+    "Main options": "VARIANTS preset steps seed seeds only folder data resume runs init json",
+    "Data": "episodes data-seed windows rare-share near-roads mirror noise",
+    "Optimisation": "batch optimizer learning-rate matrix-rate operator-rate rate-schedule "
+    "patience evaluate-every gradient-clip best-rule",
+    "Loss": "objective horizon-start horizon-growth forgetting weight-single-step "
+    "weight-multi-step weight-stability weight-regularisation decay-encoder decay-operator "
+    "operator-prior stability through-last-step target-samples",
+    "Model": "activation hidden latents latents-start constant-observable lift-exogenous products "
+    "history-steps separate-motion bilinear-rank "
+    "saturating-gains drift-rank bilinear-follows",
+    "Machine and campaign": "threads device backend address jobs lists",
+}
+"""options of offline-train, and of offline-ablate, which trains many models, by group"""
 
 
 def require_ready(json_file: Path | None) -> None:
@@ -48,57 +54,3 @@ def require_ready(json_file: Path | None) -> None:
     """
     require_packages("offline", OFFLINE_PACKAGES, "learning")
     require_writable(json_file)
-
-
-@Parameter(name="*")
-@dataclass(frozen=True, slots=True)
-class EvaluationOptions:
-    """Models, data, baselines and test sets of an evaluation."""
-
-    model: Annotated[
-        list[Path] | None,
-        Parameter(
-            consume_multiple=True,
-            negative="",
-            help="shipped models by name, or folders of bundles (./lti if a folder has the name of "
-            "a shipped model); default: that of the latest run",
-        ),
-    ] = None
-    data: Annotated[
-        Path | None,
-        Parameter(
-            help="folder of a data set; default: the full one if it is in the cache, otherwise one "
-            "that a model, or the latest run, was trained on. A data set whose test episodes a "
-            "model may have been trained on is refused"
-        ),
-    ] = None
-    baselines: Annotated[
-        Names,
-        Parameter(
-            help='names of baselines, "all" or "none"; default: linear models, persistence, and '
-            "the paper's network. A baseline that is not in the cache is fitted first",
-        ),
-    ] = None
-    refit: Annotated[
-        bool,
-        Parameter(
-            negative="",
-            help="fit the baselines again, also those in the cache: after a change of their code",
-        ),
-    ] = False
-    sets: Annotated[
-        Names,
-        Parameter(
-            help="library, new-roads, bends, robustness, varied, noise, sliding, fast, braking, "
-            "friction, mass; default: all of them",
-        ),
-    ] = None
-    noise: Annotated[
-        list[float] | None,
-        Parameter(
-            consume_multiple=True,
-            negative="",
-            help="levels of the test sets with measurement noise, 1 for 0.03 m/s, 0.1 deg/s, "
-            "0.02 m and 0.1 deg; default: 1 3",
-        ),
-    ] = None

@@ -1,68 +1,99 @@
-"""The work of `offline-replay`: read logs, drive the simulated car with them, print the errors."""
+"""`offline-replay`: drive the simulated car with recorded drives, and print the errors."""
 
 from collections.abc import Sequence
 from dataclasses import asdict
-from math import isnan
-from pathlib import Path
-from typing import Any
+from functools import partial
+from math import inf, isnan
+from typing import TYPE_CHECKING, Annotated
 
+from cyclopts import Parameter
+from pydantic import Field
+
+from offline.commands.options import JsonFile, Logs
 from offline.commands.terminal import STDERR, STDOUT
-from offline.evaluation.replay import (
-    LARGEST_LAG_S,
-    SETTLING_S,
-    SPEED_RATE,
-    Comparison,
-    replay_drive,
-)
-from offline.logs.recorded_drive import PERIOD_S, Window, load_drive
-from rt_controller.report.table import NO_VALUE, Column, Row, Table, format_number, print_table
-from sim_bridge.plant.parameters import load_parameters, with_road_friction
+from rt_controller.contract.errors import require_packages
+from rt_controller.contract.figures import require_writable, write_figures
+from rt_controller.terminal.command_line import new_app, run_command
+from sim_bridge.plant.shipped_cars import DEFAULT_CAR
 
-_COLUMNS = (
-    Column("signal", is_text=True),
-    Column("RMS recorded"),
-    Column("RMS error"),
-    Column("error", "%"),
-    Column("gain"),
-    Column("lag", "s"),
-    Column("error at lag", "%"),
-    Column("remark", is_text=True),
-)
+if TYPE_CHECKING:
+    from offline.evaluation.replay import Comparison
+    from rt_controller.report.table import Row, Table
+
 _GAINS = (1.0 / 3.0, 3.0)
 """beyond: km/h instead of m/s changes a gain by 3.6, g by 9.8, degrees by 57"""
-_NOTES = (
-    f"Open loop: recorded steering and speed; {SETTLING_S:g} s are left out after a start. A car "
-    f"that spins is started again.",
-    "gain: the car over the recording; lag: the recording after the car. Printed, not judged.",
+
+app = new_app(
+    "offline-replay",
+    "Drive the simulated car with the recorded steering and speed of a real one, and print how far "
+    "its other signals are from the recorded ones. Nothing is judged. docs/validation.md has the "
+    "names of columns.",
+    "LOGS",
 )
+main = partial(run_command, app)
 
 
-def replay_logs(
-    logs: Sequence[Path],
-    car: str,
-    columns: Sequence[str],
-    period_s: float | None,
-    window: Window,
-    friction: float | None,
-) -> list[dict[str, Any]]:
-    """Figures of `offline-replay`.
+@app.default
+def replay(
+    logs: Logs,
+    *,
+    car: str = DEFAULT_CAR,
+    column: Annotated[tuple[str, ...], Parameter(negative=(), show_default=False)] = (),
+    period_s: Annotated[float, Field(gt=0.0, lt=1.0)] | None = None,
+    from_s: Annotated[float, Field(ge=0.0, allow_inf_nan=False)] = 0.0,
+    to_s: Annotated[float, Field(gt=0.0), Parameter(show_default=False)] = inf,
+    friction: Annotated[float, Field(gt=0.0, allow_inf_nan=False)] | None = None,
+    json_file: JsonFile = None,
+) -> None:
+    """Compare the simulated car with recorded drives.
 
-    Raises:
-        ConfigError: there is no such car, or a log cannot be used.
-        DatasetError: a log cannot be read.
+    Args:
+        logs: log files: CSV, npz, npy, MATLAB or Parquet
+        car: name or file of the car
+        column: NAME=COLUMN: signal and unit of a column, as in yaw_rate_degps=r; NAME=-COLUMN
+            changes the sign; may be given several times
+        period_s: period of a log without a column of times
+        from_s: use the log from this time on, counted from its beginning
+        to_s: use the log until this time
+        friction: of the road of the recording; default: that of the car file
     """
+    require_packages("offline,logs", ("pandas",), "offline-replay")
+    require_writable(json_file)
+    from offline.evaluation.replay import replay_drive
+    from offline.logs.recorded_drive import Window, load_drive
+    from rt_controller.report.table import print_table
+    from sim_bridge.plant.parameters import load_parameters, with_road_friction
+
     parameters = load_parameters(car)
     if friction is not None:
         parameters = with_road_friction(parameters, friction)
-    drives = [load_drive(log, columns, period_s, window) for log in logs]
+    drives = [load_drive(log, column, period_s, Window(from_s, to_s)) for log in logs]
     with STDERR.status("driving"):
         results = [replay_drive(parameters, drive) for drive in drives]
     print_table(comparison_table(results), STDOUT)
-    return [asdict(one) for comparisons in results for one in comparisons]
+    write_figures(json_file, [asdict(one) for comparisons in results for one in comparisons])
 
 
-def comparison_table(results: Sequence[Sequence[Comparison]]) -> Table:
+def comparison_table(results: "Sequence[Sequence[Comparison]]") -> "Table":
     """One row for each signal, with a heading for each recording."""
+    from offline.evaluation.replay import SETTLING_S, SPEED_RATE
+    from rt_controller.report.table import NO_VALUE, Column, Table, format_number
+
+    columns = (
+        Column("signal", is_text=True),
+        Column("RMS recorded"),
+        Column("RMS error"),
+        Column("error", "%"),
+        Column("gain"),
+        Column("lag", "s"),
+        Column("error at lag", "%"),
+        Column("remark", is_text=True),
+    )
+    notes = (
+        f"Open loop: recorded steering and speed; {SETTLING_S:g} s are left out after a start. A "
+        f"car that spins is started again.",
+        "gain: the car over the recording; lag: the recording after the car. Printed, not judged.",
+    )
     rows: list[Row] = []
     for comparisons in results:
         of = comparisons[0]
@@ -81,11 +112,14 @@ def comparison_table(results: Sequence[Sequence[Comparison]]) -> Table:
             )
             for one in comparisons
         ]
-    return Table("", _COLUMNS, tuple(rows), _NOTES)
+    return Table("", columns, tuple(rows), notes)
 
 
-def doubts(one: Comparison) -> tuple[str, ...]:
+def doubts(one: "Comparison") -> tuple[str, ...]:
     """What the figures of a signal say about its column."""
+    from offline.evaluation.replay import LARGEST_LAG_S
+    from offline.logs.recorded_drive import PERIOD_S
+
     found = (
         (one.gain < 0.0, "gain negative: wrong sign?"),
         (0.0 <= one.gain < _GAINS[0] or one.gain > _GAINS[1], "gain far from 1: wrong unit?"),

@@ -1,42 +1,83 @@
-"""The work of `offline-train`: a new or resumed run with a progress bar, stopped by Ctrl-C."""
+"""`offline-train`: a new or resumed run with a progress bar, stopped by Ctrl-C."""
 
 import time
 from datetime import datetime
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from offline.commands.dataset import config_of_data, ensure_dataset
+from offline.commands.options import (
+    RUNS,
+    THIS_MACHINE,
+    TRAINING_GROUPS,
+    Config,
+    DataFolder,
+    JsonFile,
+    require_ready,
+)
 from offline.commands.terminal import STDERR, STDOUT, progress_bar, stop_on_signals
 from offline.config import TrainingConfig, explicit_fields, resolve
-from offline.data.dataset import Dataset, load_dataset
 from offline.experiments.backend import Backend
-from offline.training.initial import with_structure_of
-from offline.training.run import (
-    Checkpoint,
-    RunFolder,
-    create_run,
-    load_checkpoint,
-    open_run,
-    rewrite_config,
-)
-from offline.training.state import TrainingState, find_device
-from offline.training.train import train
 from rt_controller.contract.errors import ConfigError
-from rt_controller.model.artifact import find_model, load_bundle
-from rt_controller.model.bundle import Bundle
+from rt_controller.contract.figures import write_figures
+from rt_controller.terminal.command_line import new_app, run_command
 from rt_controller.terminal.entry import INTERRUPTED
+
+if TYPE_CHECKING:
+    from offline.data.dataset import Dataset
+    from offline.training.run import Checkpoint, RunFolder
+    from offline.training.state import TrainingState
+    from rt_controller.model.bundle import Bundle
 
 REFRESH_S = 0.25
 RESUMABLE_SETTINGS = {"steps", "threads"}
 
+app = new_app(
+    "offline-train",
+    "Train a model; the defaults are those of the preset recommended.",
+    groups=TRAINING_GROUPS,
+)
+main = partial(run_command, app)
+
+
+@app.default
+def train(
+    *,
+    config: Config = None,
+    resume: Path | None = None,
+    runs: Path = RUNS,
+    data: DataFolder = None,
+    backend: Backend = THIS_MACHINE,
+    json_file: JsonFile = None,
+) -> int:
+    """Train a model, on the data set --data or on one in the cache, which is made if necessary.
+
+    Ctrl-C ends the run after a checkpoint and prints the command that resumes it.
+
+    Args:
+        resume: continue this run; only --threads may differ from its configuration, and --steps if
+            its learning rate follows no cosine
+        runs: folder that gets a new folder for each run
+    """
+    require_ready(json_file)
+    if resume is not None:
+        figures, exit_code = resume_run(resume, config, data)
+    else:
+        figures, exit_code = start_run(config, runs, data, backend)
+    write_figures(json_file, figures)
+    return exit_code
+
 
 def start_run(
-    chosen: TrainingConfig | None,
-    runs: Path,
-    data: Path | None,
-    backend: Backend,
+    chosen: TrainingConfig | None, runs: Path, data: Path | None, backend: Backend
 ) -> tuple[dict[str, Any], int]:
-    """Figures and exit code of `offline-train` for a new run."""
+    """Figures and exit code of a new run."""
+    from offline.commands.dataset import config_of_data, ensure_dataset
+    from offline.training.initial import with_structure_of
+    from offline.training.run import create_run
+    from offline.training.state import find_device
+    from rt_controller.model.artifact import find_model, load_bundle
+
     config = resolve(chosen)
     find_device(config.device)
     folder, dataset = ensure_dataset(data, config, backend)
@@ -52,11 +93,14 @@ def start_run(
 def resume_run(
     path: Path, chosen: TrainingConfig | None, data: Path | None
 ) -> tuple[dict[str, Any], int]:
-    """Figures and exit code of `offline-train --resume`.
+    """Figures and exit code of a run that goes on.
 
     Raises:
         ConfigError: a setting or the data set differs from that of the run.
     """
+    from offline.data.dataset import load_dataset
+    from offline.training.run import load_checkpoint, open_run, rewrite_config
+
     run = open_run(path)
     checkpoint = load_checkpoint(run.last)
     config = _config_to_resume(run.config, checkpoint.step, chosen)
@@ -95,13 +139,15 @@ def _config_to_resume(
 
 
 def _run(
-    run: RunFolder,
-    dataset: Dataset,
+    run: "RunFolder",
+    dataset: "Dataset",
     *,
-    first_model: Bundle | None = None,
-    checkpoint: Checkpoint | None = None,
+    first_model: "Bundle | None" = None,
+    checkpoint: "Checkpoint | None" = None,
 ) -> tuple[dict[str, Any], int]:
     """Figures, and the exit code: 0 at the last step, 130 if stopped before."""
+    from offline.training.train import train as run_algorithm
+
     STDERR.print(f"run {run.path}\ndata {run.data_folder}", soft_wrap=True)
     first_step = checkpoint.step if checkpoint else 0
     begun, shown_s = time.monotonic(), 0.0
@@ -110,14 +156,14 @@ def _run(
         stop_on_signals() as stop_requested,
     ):
 
-        def on_progress(state: TrainingState) -> None:
+        def on_progress(state: "TrainingState") -> None:
             nonlocal shown_s
             now_s = time.monotonic()
             if now_s - shown_s >= REFRESH_S or state.step == run.config.steps:
                 shown_s = now_s
                 show(state.step, _to_text(state))
 
-        result = train(
+        result = run_algorithm(
             run.config,
             dataset,
             run,
@@ -152,7 +198,7 @@ def _run(
     return figures, 0
 
 
-def _to_text(state: TrainingState) -> str:
+def _to_text(state: "TrainingState") -> str:
     losses = state.losses
     return (
         f"loss {losses.total.item():.4f}: single step {losses.single_step.item():.4f}, "
