@@ -66,9 +66,6 @@ class Comparison:
     """baselines whose training ended before their validation error was flat"""
     sets: tuple[TestSet, ...]
     """the library first"""
-    series: tuple[Series, ...]
-    errors: Mapping[str, ErrorsByName]
-    """by name of the set"""
     figures: Figures
     """all results, as `--json` has them"""
 
@@ -82,16 +79,6 @@ class Comparison:
         """Results on the library, the reference of the other sets."""
         found: Figures = self.figures["sets"][LIBRARY]
         return found
-
-    def find_set(self, name: str) -> TestSet | None:
-        """The test set of that name; None if it is not part of the comparison."""
-        return next((test for test in self.sets if test.name == name), None)
-
-    def worst_state(self, ratios: Figures) -> tuple[str, float]:
-        """The state with the largest of these ratios, and the ratio; NaN counts as infinite."""
-        by_state = {each.name: ratios[each.name]["value"] for each in self.columns}
-        name = max(by_state, key=lambda name: np.nan_to_num(by_state[name], nan=np.inf))
-        return name, by_state[name]
 
 
 def compare_models(
@@ -166,8 +153,6 @@ def compare_models(
         tuple(baselines),
         tuple(not_converged),
         tuple(sets),
-        tuple(series),
-        errors,
         figures,
     )
 

@@ -22,7 +22,6 @@ from offline.evaluation.test_sets import (
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.signals import Schema
 
-WHOLE_SETS = "sets"
 """name of the series of whole test sets"""
 
 SIDESLIP_DEG = (0.0, 2.0, 4.0, 6.0, 9.0, 16.0, np.inf)
@@ -54,11 +53,6 @@ class Series(NamedTuple):
     """what the trajectories are, as the end of a sentence"""
     slices: tuple[Slice, ...]
 
-    @property
-    def is_ordered(self) -> bool:
-        """False for the series of whole test sets, which have no order."""
-        return self.name != WHOLE_SETS
-
 
 def make_series(sets: Sequence[TestSet], schema: Schema) -> tuple[Series, ...]:
     """All series that these test sets and signals allow, whole test sets first.
@@ -88,7 +82,7 @@ def make_series(sets: Sequence[TestSet], schema: Schema) -> tuple[Series, ...]:
                 _whole(tests, {"0": LIBRARY, **levels})),
     )  # fmt: skip
     return (
-        _series(WHOLE_SETS, "test set", "", "all test sets", of_sets),
+        _series("sets", "test set", "", "all test sets", of_sets),
         *(each for each in others if len(each.slices) > 1),
     )
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-import offline.cli
+import offline.commands.data
 import rt_controller.cli
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -13,10 +13,10 @@ PROGRAMS = sorted(EXAMPLES.glob("*.py"))
 ARGUMENTS = {"plot_log": ("drive.svg", "drive.log")}
 PREPARATIONS = {
     "own_encoder": (
-        offline.cli.data_main,
+        offline.commands.data.main,
         "--episodes 20 --seed 1 --largest-steer-deg 40 --data small --jobs 1",
     ),
-    "own_predictor": (offline.cli.data_main, "--episodes 10 --seed 1 --data small --jobs 1"),
+    "own_predictor": (offline.commands.data.main, "--episodes 10 --seed 1 --data small --jobs 1"),
     "plot_log": (
         rt_controller.cli.main,
         "--bus virtual --pace lockstep --quiet --scenario straight --model lti --record drive.log",

@@ -11,19 +11,18 @@ import numpy as np
 import pytest
 from made_drives import drive, predict
 
-from offline.baselines import catalogue, registry
-from offline.baselines.baseline import Baseline
+from offline.baselines import registry
 from offline.baselines.linear import Persistence
 from offline.baselines.registry import (
+    BASELINES,
     DEFAULT_BASELINES,
     SHIPPED,
-    all_baselines,
-    baseline_facts,
+    Baseline,
     choose_baselines,
-    compare_with_plain_baselines,
     open_baselines,
 )
 from offline.baselines.scheduled import fit_scheduled
+from offline.commands.export import compare_with_plain_baselines
 from offline.data.manifest import describe_training
 from offline.model.bundle_predictor import BundlePredictor
 from rt_controller.contract.errors import ConfigError, DatasetError
@@ -60,11 +59,11 @@ def fitted(monkeypatch):
     return names
 
 
-def test_the_catalogue_has_all_baselines_which_are_chosen_by_name_all_none_or_by_default():
-    assert {name: registry.find_baseline(name).model_class for name in registry.names()} == CLASSES
+def test_the_table_has_all_baselines_which_are_chosen_by_name_all_none_or_by_default():
+    assert {name: row.model_class for name, row in BASELINES.items()} == CLASSES
     assert choose_baselines([]) == DEFAULT_BASELINES
     assert choose_baselines(["none"]) == ()
-    assert choose_baselines(["all"]) == all_baselines() == (*sorted(CLASSES), SHIPPED)
+    assert choose_baselines(["all"]) == (*sorted(CLASSES), SHIPPED)
     assert choose_baselines(["gru", "lti", "gru"]) == ("gru", "lti")
 
 
@@ -79,7 +78,7 @@ def test_the_new_baseline_of_the_guide_is_one_function_and_one_row(
     monkeypatch.syspath_prepend(str(tmp_path))
     fit_mean = import_module("mean_state").fit_mean
     for name, baseline in eval(f"{{{row}}}", {"Baseline": Baseline, "fit_mean": fit_mean}).items():
-        monkeypatch.setitem(catalogue.CATALOGUE, name, baseline)
+        monkeypatch.setitem(BASELINES, name, baseline)
     predicted, _ = predict(registry.fit("mean", toy_dataset), toy_dataset.select("test"))
     mean = toy_dataset.select("train").x.astype(float).mean(axis=(0, 1))
     assert np.allclose(predicted[:, 1:], mean)
@@ -107,7 +106,7 @@ def test_other_settings_and_other_data_are_fitted_anew(toy_dataset, monkeypatch)
     ridges = []
     for ridge in (1e-6, 1e-3, 1e-6):
         row = Baseline("linear", partial(fit_scheduled, ridges=(ridge,)))
-        monkeypatch.setitem(catalogue.CATALOGUE, "lti", row)
+        monkeypatch.setitem(BASELINES, "lti", row)
         ridges.append(registry.fit("lti", toy_dataset).ridge)
     assert ridges == [1e-6, 1e-3, 1e-6]
 
@@ -135,11 +134,7 @@ def test_refusals(refused, error, words, tmp_path, monkeypatch):
 
 def test_names_are_listed_and_plain_baselines_imported_without_torch():
     """In a fresh process, since other tests import torch."""
-    code = (
-        "import sys; from offline.baselines import registry; "
-        "[registry.find_baseline(name) for name in registry.names()]; "
-        "sys.exit('torch' in sys.modules)"
-    )
+    code = "import sys; from offline.baselines import registry; sys.exit('torch' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False, timeout=120).returncode == 0
 
 
@@ -169,7 +164,6 @@ def test_the_papers_network_is_a_baseline_of_other_models_only(toy_dataset, monk
     opened = open_baselines([SHIPPED], toy_dataset, [other], is_required=False)
     assert isinstance(opened[SHIPPED], BundlePredictor)
     assert open_baselines([SHIPPED], toy_dataset, [other, shipped], is_required=False) == {}
-    assert baseline_facts(SHIPPED, toy_dataset)[0].name == "model, SHA-256"
 
 
 def test_data_without_roads_have_no_model_per_road(toy_dataset, fitted):

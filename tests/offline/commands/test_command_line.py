@@ -17,10 +17,12 @@ from pathlib import Path
 import pytest
 from fitted_network import fitted
 
-from offline import cli
-from offline.commands import bundle, terminal, training_run
+from offline.cli import ablate_main
+from offline.commands import data, evaluate, export, import_logs, terminal
+from offline.commands import train as training
 from offline.commands.terminal import stop_on_signals
 from offline.config import TrainingConfig
+from offline.data import dataset
 from offline.data.dataset import load_dataset
 from offline.data.manifest import Imported, SourceFile
 from offline.training.run import create_run, load_checkpoint, save_checkpoint
@@ -52,9 +54,9 @@ def test_the_figures_of_a_run_without_evaluation_are_valid_json(
     command, toy_folder, monkeypatch, tmp_path
 ):
     """Stopped before its first step, a run has an infinite best loss, which JSON cannot express."""
-    monkeypatch.setattr(training_run, "stop_on_signals", lambda: nullcontext(lambda: True))
+    monkeypatch.setattr(training, "stop_on_signals", lambda: nullcontext(lambda: True))
     train = ("--steps", 3, "--data", toy_folder, *SMALL, "--json", "train.json")
-    assert command(cli.train_main, *train)[0] == 130
+    assert command(training.main, *train)[0] == 130
     assert json.loads((tmp_path / "train.json").read_text())["best_validation_loss"] is None
 
 
@@ -66,21 +68,21 @@ def test_the_progress_ends_with_a_new_line_when_it_is_written_to_a_file(capfd):
 
 def test_a_varied_data_set_reports_what_was_drawn_and_is_found_again(command, tmp_path):
     varied = ("--recipe", "varied", "--episodes", 10, "--jobs", 1, "--data", "varied")
-    code, out, _ = command(cli.data_main, *varied, "--json", "data.json")
+    code, out, _ = command(data.main, *varied, "--json", "data.json")
     assert code in (0, None)
     assert "friction 0.5 to 1" in out
     assert "cg_ahead_m" in out
     made = json.loads((tmp_path / "data.json").read_text())
     assert made["recipe"]["friction"] == [0.5, 1.0]
     assert set(made["conditions"]["bank_rad"]) == {"minimum", "mean", "maximum"}
-    assert command(cli.data_main, *varied, "--json", "again.json")[0] in (0, None)
+    assert command(data.main, *varied, "--json", "again.json")[0] in (0, None)
     again = json.loads((tmp_path / "again.json").read_text())
     assert {**made, "wall_s": 0.0} == {**again, "wall_s": 0.0}
 
-    code, _, err = command(cli.data_main, *varied, "--friction", 0.6, 0.9)
+    code, _, err = command(data.main, *varied, "--friction", 0.6, 0.9)
     assert code == 2
     assert "friction 0.6 to 0.9" in err
-    code, _, err = command(cli.data_main, "--episodes", 10, "--data", "varied")
+    code, _, err = command(data.main, "--episodes", 10, "--data", "varied")
     assert code == 2
     assert "recipe nominal" in err
 
@@ -88,7 +90,7 @@ def test_a_varied_data_set_reports_what_was_drawn_and_is_found_again(command, tm
 @pytest.mark.parametrize("package", ["torch", "onnx", "joblib"])
 def test_a_missing_package_exits_3_with_its_install_command(command, monkeypatch, package):
     monkeypatch.setitem(sys.modules, package, None)
-    code, _, err = command(cli.train_main)
+    code, _, err = command(training.main)
     assert code == 3
     assert package in err
     assert 'pip install -e ".[offline]"' in err
@@ -96,7 +98,9 @@ def test_a_missing_package_exits_3_with_its_install_command(command, monkeypatch
 
 def test_the_options_of_the_commands_import_no_heavy_package():
     script = (
-        "import sys, offline.cli; "
+        "import sys, offline.cli, offline.entry; from importlib import import_module; "
+        "[import_module(getattr(offline.entry, name).args[1]) "
+        "for name in dir(offline.entry) if name.endswith('_main')]; "
         "print([m for m in ('torch', 'onnx', 'onnxruntime', 'numpy') if m in sys.modules])"
     )
     answer = subprocess.run(
@@ -106,14 +110,14 @@ def test_the_options_of_the_commands_import_no_heavy_package():
 
 
 def test_every_field_of_the_configuration_is_an_option(command):
-    code, out, _ = command(cli.train_main, "--help-all")
+    code, out, _ = command(training.main, "--help-all")
     assert code in (0, None)
     for name in TrainingConfig.model_fields:
         assert f"--{name.replace('_', '-')}" in out
 
 
 def test_ctrl_c_ends_a_run_with_a_checkpoint_and_the_command_to_resume(toy_folder, tmp_path):
-    script = "from offline.cli import train_main; train_main()"
+    script = "from offline.entry import train_main; train_main()"
     steps = ("--steps", "1000000", "--evaluate-every", "5")
     process = subprocess.Popen(
         [sys.executable, "-c", script, *steps, "--data", str(toy_folder), *SMALL],
@@ -178,22 +182,22 @@ def run(trained, tmp_path):
 
 def test_the_commands_make_data_train_export_and_evaluate(command, tmp_path):
     small = ("--largest-steer-deg", 40)  # a linear model of larger angles is not exported
-    data = ("--episodes", 20, "--jobs", 1, *small, "--json", "data.json")
-    code, out, _ = command(cli.data_main, *data)
+    few = ("--episodes", 20, "--jobs", 1, *small, "--json", "data.json")
+    code, out, _ = command(data.main, *few)
     assert code in (0, None)
-    data = json.loads((tmp_path / "data.json").read_text())
-    assert data["n_trajectories"] == 100
-    assert str(tmp_path / "cache") in data["folder"]
+    made = json.loads((tmp_path / "data.json").read_text())
+    assert made["n_trajectories"] == 100
+    assert str(tmp_path / "cache") in made["folder"]
 
     train = ("--steps", 30, "--evaluate-every", 10, "--episodes", 20, *small, *SMALL)
-    code, out, _ = command(cli.train_main, *train, "--json", "train.json")
+    code, out, _ = command(training.main, *train, "--json", "train.json")
     assert code in (0, None)
     assert "offline-export" in out
     assert json.loads((tmp_path / "train.json").read_text())["step"] == 30
 
     best = tmp_path / "runs" / "latest" / "best.pt"
-    save_checkpoint(best, fitted(load_checkpoint(best), load_dataset(Path(data["folder"]))))
-    code, out, _ = command(cli.export_main, "--json", "export.json")
+    save_checkpoint(best, fitted(load_checkpoint(best), load_dataset(Path(made["folder"]))))
+    code, out, _ = command(export.main, "--json", "export.json")
     assert code in (0, None)
     assert "rt-controller --bus virtual --model" in out
     exported = json.loads((tmp_path / "export.json").read_text())
@@ -210,7 +214,7 @@ def test_the_commands_make_data_train_export_and_evaluate(command, tmp_path):
 
     baselines = ("--baselines", "lti", "persistence")
     library = ("--sets", "library", *baselines, "--json", "table.json")
-    assert command(cli.evaluate_main, *library)[0] in (0, None)
+    assert command(evaluate.main, *library)[0] in (0, None)
     table = json.loads((tmp_path / "table.json").read_text())
     library = table["sets"]["library"]
     assert library["n_trajectories"] == 10
@@ -220,7 +224,7 @@ def test_the_commands_make_data_train_export_and_evaluate(command, tmp_path):
         assert "yaw_rate_degps_squared" in model["mse"]
     assert list(table["model_sha256"].values()) == [exported["model_sha256"]]
     assert table["revision"] == exported["revision"]
-    assert command(cli.export_main, "--baseline", "lti", "--output", "fitted")[0] in (0, None)
+    assert command(export.main, "--baseline", "lti", "--output", "fitted")[0] in (0, None)
     assert load_bundle(tmp_path / "fitted").plans is not None
 
 
@@ -228,29 +232,29 @@ def test_an_exported_model_is_not_evaluated_on_data_it_may_have_been_trained_on(
     command, run, toy_folder
 ):
     """Its card shows its validation loss, which need not be the lowest of the run."""
-    code, _, err = command(cli.evaluate_main)
+    code, _, err = command(evaluate.main)
     assert code == 2
     assert "runs/latest/bundle" in err
     assert "Make it with offline-export, or name models" in err
-    code, _, err = command(cli.export_main, "--json", "no/such/folder.json")
+    code, _, err = command(export.main, "--json", "no/such/folder.json")
     assert code == 2
     assert "--json" in err
-    code, _, err = command(cli.export_main)
+    code, _, err = command(export.main)
     assert code == 2
     assert "--model-trial off" in err  # the toy car is another than the simulated one
     assert not (run / "bundle").exists()
-    assert command(cli.export_main, "--model-trial", "off")[0] in (0, None)
+    assert command(export.main, "--model-trial", "off")[0] in (0, None)
     assert "| validation loss | 0.25000 |" in (run / "bundle" / "card.md").read_text()
     assert load_bundle(run / "bundle").plans is not None
     library = ("--sets", "library", "--baselines", "none")
-    code, _, _ = command(cli.evaluate_main, "--data", toy_folder, *library)
+    code, _, _ = command(evaluate.main, "--data", toy_folder, *library)
     assert code in (0, None)
     few = ("--episodes", 10, "--seed", 3, "--jobs", 1, "--data", "few")
-    assert command(cli.data_main, *few)[0] in (0, None)
+    assert command(data.main, *few)[0] in (0, None)
     for main, options, words in (
-        (cli.evaluate_main, library, "10 episodes of seed 3"),
-        (cli.export_main, (), "trained on"),
-        (cli.train_main, ("--resume", "runs/latest"), "expected the data set"),
+        (evaluate.main, library, "10 episodes of seed 3"),
+        (export.main, (), "trained on"),
+        (training.main, ("--resume", "runs/latest"), "expected the data set"),
     ):
         code, _, err = command(main, "--data", "few", *options)
         assert code == 2
@@ -262,8 +266,8 @@ def test_the_export_of_a_model_of_logs_says_that_its_car_is_another(
 ):
     origin = Imported((SourceFile("log.csv", "ab" * 32),), "mapping", 40, seed=3)
     of_logs = replace(toy_dataset, manifest=replace(toy_dataset.manifest, origin=origin))
-    monkeypatch.setattr(bundle, "load_dataset", lambda folder: of_logs)
-    code, out, _ = command(cli.export_main, "--json", "export.json")
+    monkeypatch.setattr(dataset, "load_dataset", lambda folder: of_logs)
+    code, out, _ = command(export.main, "--json", "export.json")
     assert code in (0, None)
     figures = json.loads(Path("export.json").read_text())
     assert "not the simulated one: rt-controller --bus virtual drives another" in figures["car"]
@@ -276,7 +280,7 @@ def test_a_model_that_is_worse_than_persistence_is_not_exported(command, run, tm
     crabbing = load_checkpoint(run / "best.pt")
     crabbing.model["B_rows"][4, 2] += 1.0  # the steering moves the car sideways at once
     save_checkpoint(run / "best.pt", crabbing)
-    code, _, err = command(cli.export_main, "--json", "export.json")
+    code, _, err = command(export.main, "--json", "export.json")
     assert code == 2
     assert "better than the last measured state" in err
     assert "ey_m (mean squared error" in err
@@ -286,13 +290,13 @@ def test_a_model_that_is_worse_than_persistence_is_not_exported(command, run, tm
 
 def test_a_run_is_resumed_with_its_data_and_refuses_another_configuration(command, toy_folder):
     train = ("--steps", 6, "--evaluate-every", 3, "--data", toy_folder, *SMALL)
-    assert command(cli.train_main, *train, "--rate-schedule", "plateau")[0] in (0, None)
+    assert command(training.main, *train, "--rate-schedule", "plateau")[0] in (0, None)
     config = json.loads(Path("runs/latest/config.json").read_text())["config"]
     assert (config["episodes"], config["data_seed"]) == (40, 3)
     resume = ("--resume", "runs/latest", "--steps", 9, "--json", "train.json")
-    assert command(cli.train_main, *resume)[0] in (0, None)
+    assert command(training.main, *resume)[0] in (0, None)
     assert json.loads(Path("train.json").read_text())["step"] == 9
-    code, _, err = command(cli.train_main, "--resume", "runs/latest", "--batch", 8)
+    code, _, err = command(training.main, "--resume", "runs/latest", "--batch", 8)
     assert code == 2
     assert "batch" in err
 
@@ -300,27 +304,27 @@ def test_a_run_is_resumed_with_its_data_and_refuses_another_configuration(comman
 TOY = "the folder of the toy data"
 NO_DATA = ("--data", "typo", "--episodes", 10)
 REFUSED = [
-    (cli.export_main, ("nowhere",), "offline-train"),
-    (cli.evaluate_main, ("--model", "nowhere"), "offline-export"),
-    (cli.evaluate_main, ("--model", "lti", "--noise", "1", "0"), "--noise"),
-    (cli.evaluate_main, ("--model", "lti", "--sets", "holdout"), "--sets"),
-    (cli.train_main, ("--preset", "papre"), "paper, paper-literal, quick"),
-    (cli.train_main, ("--resume", "nowhere"), "offline-train"),
-    (cli.train_main, ("--steps", 0, "--patience", -1), "--steps.*--patience"),
-    (cli.train_main, ("--data", TOY, "--data-seed", 4, "--steps", 3), "40 episodes of seed 3"),
-    (cli.train_main, ("--data", TOY, "--runs", "file/runs", "--steps", 3, *SMALL), "--runs"),
+    (export.main, ("nowhere",), "offline-train"),
+    (evaluate.main, ("--model", "nowhere"), "offline-export"),
+    (evaluate.main, ("--model", "lti", "--noise", "1", "0"), "--noise"),
+    (evaluate.main, ("--model", "lti", "--sets", "holdout"), "--sets"),
+    (training.main, ("--preset", "papre"), "paper, paper-literal, quick"),
+    (training.main, ("--resume", "nowhere"), "offline-train"),
+    (training.main, ("--steps", 0, "--patience", -1), "--steps.*--patience"),
+    (training.main, ("--data", TOY, "--data-seed", 4, "--steps", 3), "40 episodes of seed 3"),
+    (training.main, ("--data", TOY, "--runs", "file/runs", "--steps", 3, *SMALL), "--runs"),
     # A misspelt name must not start minutes of simulation.
-    (cli.train_main, NO_DATA, "typo.*offline-data"),
-    (cli.ablate_main, ("recommended", *NO_DATA), "typo.*offline-data"),
-    (cli.data_main, ("--episodes", "3"), "--episodes"),
-    (cli.data_main, ("--data", "file/data", "--episodes", "10", "--jobs", "1"), "--data"),
-    (cli.data_main, ("--episodes", 50, "--data", TOY), "40 episodes of seed 3"),
-    (cli.data_main, ("--friction", 0.0, 1.0, "--payload-kg", -1, 5), "--friction.*--payload-kg"),
-    (cli.data_main, ("--bank-rad", 0.1, -0.1), "--bank-rad: expected the lower end first"),
-    (cli.data_main, ("--gust-mps", 3), "(?=.*--changing-share).*--gust-mps"),
-    (cli.data_main, ("--recipe", "variable"), "nominal.*varied"),
-    (cli.data_main, ("--largest-steer-deg", 20), "--largest-steer-deg: expected 40 to 300"),
-    (cli.data_main, ("--recipe", "varied", "--nominal-share", 0.9), "--nominal-share.*at most 1"),
+    (training.main, NO_DATA, "typo.*offline-data"),
+    (ablate_main, ("recommended", *NO_DATA), "typo.*offline-data"),
+    (data.main, ("--episodes", "3"), "--episodes"),
+    (data.main, ("--data", "file/data", "--episodes", "10", "--jobs", "1"), "--data"),
+    (data.main, ("--episodes", 50, "--data", TOY), "40 episodes of seed 3"),
+    (data.main, ("--friction", 0.0, 1.0, "--payload-kg", -1, 5), "--friction.*--payload-kg"),
+    (data.main, ("--bank-rad", 0.1, -0.1), "--bank-rad: expected the lower end first"),
+    (data.main, ("--gust-mps", 3), "(?=.*--changing-share).*--gust-mps"),
+    (data.main, ("--recipe", "variable"), "nominal.*varied"),
+    (data.main, ("--largest-steer-deg", 20), "--largest-steer-deg: expected 40 to 300"),
+    (data.main, ("--recipe", "varied", "--nominal-share", 0.9), "--nominal-share.*at most 1"),
 ]
 
 
@@ -336,7 +340,7 @@ def test_a_usage_error_exits_2_with_its_remedy_and_no_figures(
     assert {path.name for path in tmp_path.iterdir()} <= {"file", "cache"}
 
 
-@pytest.mark.parametrize("main", [cli.data_main, cli.import_main, cli.ablate_main])
+@pytest.mark.parametrize("main", [data.main, import_logs.main, ablate_main])
 def test_every_command_prints_the_version_of_the_distribution(command, main):
     code, out, _ = command(main, "--version")
     assert code in (0, None)
@@ -371,7 +375,7 @@ def without_plans(tmp_path):
 
 
 def test_a_bundle_gets_plans_in_its_folder_and_stays_the_same_model(command, without_plans):
-    assert not command(cli.export_main, "--bundle", "old", "--json", "figures.json")[0]
+    assert not command(export.main, "--bundle", "old", "--json", "figures.json")[0]
     after = load_bundle(Path("old"))
     require_stored_plans(after)
     assert after.sha256 == without_plans.sha256
@@ -381,18 +385,18 @@ def test_a_bundle_gets_plans_in_its_folder_and_stays_the_same_model(command, wit
     other = replace(after, B_uc=1.5 * after.B_uc)
     save_bundle(Path("old"), other, "# a card")
     to_new = ("--bundle", "old", "--output", "new")
-    code, _, err = command(cli.export_main, *to_new)
+    code, _, err = command(export.main, *to_new)
     assert (code, Path("new").exists()) == (2, False)
     assert "expected it to hold and to predict the simulated car" in err
-    code, out, _ = command(cli.export_main, *to_new, "--model-trial", "off")
+    code, out, _ = command(export.main, *to_new, "--model-trial", "off")
     assert not code
     assert "its own plans were replaced" in out
     require_stored_plans(load_bundle(Path("new")))
 
     save_bundle(Path("old"), replace(other, schema=replace(VEHICLE, dt_s=0.05)), "card")
-    assert command(cli.export_main, "--bundle", "old")[0] == 2
+    assert command(export.main, "--bundle", "old")[0] == 2
     for option in (("--baseline", "lti"), ("--data", "d"), ("runs/mine",)):
-        assert command(cli.export_main, *option, "--bundle", "old")[0] == 2
+        assert command(export.main, *option, "--bundle", "old")[0] == 2
 
 
 @pytest.mark.parametrize("name", ["lti", "mdk-net", "mdk-net-paper"])

@@ -1,5 +1,6 @@
-"""The work of offline-evaluate and offline-report."""
+"""The work of offline-evaluate."""
 
+import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,32 +10,18 @@ from toy_predictors import made_trajectories
 from offline.baselines import registry
 from offline.baselines.linear import Persistence
 from offline.baselines.registry import SHIPPED
-from offline.commands import evaluation as work
-from offline.commands import report_page
-from offline.commands.evaluation import (
-    evaluate_models,
-    label_models,
-    open_sets,
-    run_evaluation,
-)
-from offline.commands.options import EvaluationOptions
-from offline.commands.report_page import write_report
+from offline.commands import evaluate as work
+from offline.commands.evaluate import evaluate, label_models, open_sets, run_evaluation
 from offline.data.manifest import Imported, describe_training
-from offline.evaluation import lane_change
+from offline.evaluation import lane_change, simulated_sets
 from offline.evaluation.simulated_sets import SIMULATED, open_simulated_set
 from offline.evaluation.test_sets import ROBUSTNESS, SET_NAMES
 from rt_controller.contract.errors import ConfigError
 from rt_controller.model.artifact import load_bundle, save_bundle, shipped_model
-from rt_controller.report.table import Fact
 from sim_bridge.scenario import load_scenario
 
 SHOWN = (ROBUSTNESS, "friction-0.5", "nominal", "mass-0.85")
 FEW = tuple(replace(each, episodes=3) for each in SIMULATED if each.name in SHOWN)
-
-
-class Fitted(Persistence):
-    def fit_info(self):
-        return (Fact("kind", "not fitted"),)
 
 
 @pytest.fixture(autouse=True)
@@ -42,8 +29,8 @@ def quick(monkeypatch, tmp_path):
     """An empty cache, baselines that need no fit, and a few simulated sets of three episodes."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     monkeypatch.setattr(work, "LATEST_RUN", Path("no/such/run"))
-    monkeypatch.setattr(registry, "fit", lambda *arguments: Fitted())
-    monkeypatch.setattr(work, "SIMULATED", FEW)
+    monkeypatch.setattr(registry, "fit", lambda *arguments: Persistence())
+    monkeypatch.setattr(simulated_sets, "SIMULATED", FEW)
 
 
 @pytest.fixture
@@ -64,11 +51,8 @@ def bundle_of(toy_dataset, tmp_path):
 
 
 def test_all_baselines_are_those_that_these_data_allow(toy_folder, bundle_of):
-    evaluation = run_evaluation(
-        EvaluationOptions([bundle_of("m")], toy_folder, ["all"], sets=["library"])
-    )
-    assert evaluation.comparison.baselines[:-1] == registry.names()
-    assert evaluation.comparison.baselines[-1] == SHIPPED
+    evaluation = run_evaluation([bundle_of("m")], toy_folder, ["all"], ["library"])
+    assert evaluation.comparison.baselines == (*registry.BASELINES, SHIPPED)
 
 
 def test_a_set_is_left_out_for_a_model_trained_on_its_episodes(toy_dataset, bundle_of, capsys):
@@ -108,10 +92,11 @@ def test_models_are_named_by_their_folder_and_bundles_of_runs_by_the_run(tmp_pat
         label_models([tmp_path / "a", tmp_path / "a"])
 
 
-def test_several_models_are_evaluated_on_every_set(bundle_of, toy_folder, capsys):
+def test_several_models_are_evaluated_on_every_set(bundle_of, toy_folder, capsys, tmp_path):
     models = [bundle_of("good"), bundle_of("bad", c=load_bundle(shipped_model("lti")).c + 0.01)]
     baselines = ["persistence", "lti"]
-    figures = evaluate_models(EvaluationOptions(models, toy_folder, baselines))
+    evaluate(model=models, data=toy_folder, baselines=baselines, json_file=tmp_path / "all.json")
+    figures = json.loads((tmp_path / "all.json").read_text())
     assert figures["models"] == ["good", "bad"]
     assert figures["baselines"] == baselines
     assert figures["data_sha256"]
@@ -136,22 +121,20 @@ def test_several_models_are_evaluated_on_every_set(bundle_of, toy_folder, capsys
     assert "fair lti" not in printed
 
 
-def test_the_report_is_a_page_of_the_same_evaluation(bundle_of, toy_folder, tmp_path, monkeypatch):
+def test_the_page_is_of_the_same_evaluation(bundle_of, toy_folder, tmp_path, monkeypatch):
     windows = made_trajectories(lane_change.WINDOWS)
     driven = lane_change.LaneChange(
         load_scenario(lane_change.SCENARIO), windows, windows.x[..., 4].astype(float)
     )
-    monkeypatch.setattr(report_page, "drive_lane_change", lambda: driven)
-    output = tmp_path / "report.html"
-    options = EvaluationOptions([bundle_of("good")], toy_folder, ["lti"], sets=["library"])
-    assert write_report(output, options)["models"] == ["good"]
-    html = output.read_text()
-    assert load_bundle(tmp_path / "good").sha256 in html
+    monkeypatch.setattr(lane_change, "drive_lane_change", lambda: driven)
+    page, options = tmp_path / "page.html", {"baselines": ["lti"], "sets": ["library"]}
+    evaluate(model=[bundle_of("good")], data=toy_folder, **options, html=page)
+    html = page.read_text()
+    assert load_bundle(tmp_path / "good").sha256[:16] in html
     assert "Double lane change" in html
-    assert "kind not fitted" in html
 
 
-@pytest.mark.parametrize("output", [".", "no/such/folder/report.html"])
-def test_an_output_that_cannot_be_written_is_refused_before_the_evaluation(output, tmp_path):
-    with pytest.raises(ConfigError, match="--output"):
-        write_report(tmp_path / output, EvaluationOptions())
+@pytest.mark.parametrize("page", [".", "no/such/folder/page.html"])
+def test_a_page_that_cannot_be_written_is_refused_before_the_evaluation(page, tmp_path):
+    with pytest.raises(ConfigError, match="--html"):
+        evaluate(html=tmp_path / page)

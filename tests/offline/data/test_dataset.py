@@ -10,14 +10,20 @@ import pytest
 from dataset_numbers import same_numbers
 
 from offline.config import PAST_STEPS, STEPS
-from offline.data.dataset import cache, exists, load_dataset, save_dataset, split_episodes
+from offline.data.dataset import (
+    cache,
+    cache_folder,
+    exists,
+    load_dataset,
+    save_dataset,
+    split_episodes,
+)
 from offline.data.generate import make_dataset, simulated_origin, steering_geometry
 from offline.data.manifest import (
     MANIFEST_FILE,
     PARTS,
     RECORDING_FILE,
     Imported,
-    Simulated,
     SourceFile,
     read_manifest,
 )
@@ -179,22 +185,26 @@ def test_a_tenth_of_the_episodes_and_at_least_one_is_held_back_for_each_part(epi
     assert episodes < 50 or not np.array_equal(split_episodes(episodes, 2), split)
 
 
-def test_the_name_of_a_cache_folder_depends_on_recipe_length_seed_and_car(monkeypatch, tmp_path):
-    """With another name, existing data sets would not be found."""
+def test_a_data_set_of_the_cache_is_found_by_recipe_length_seed_and_car(
+    monkeypatch, tmp_path, toy_folder
+):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    assert tmp_path in cache().parents
-    first = Simulated(Recipe(), 7000, 0, "car")
+    shutil.copytree(toy_folder, cache() / "of any name")
+    (cache() / "damaged").mkdir()
+    (cache() / "damaged" / MANIFEST_FILE).write_text("{")
+    found = read_manifest(toy_folder / MANIFEST_FILE).origin
     others = [
-        replace(first, recipe=Recipe(segment_s=(1.0,))),
-        replace(first, recipe=Recipe(variation=VARIED)),
-        replace(first, recipe=Recipe(variation=VARIED.model_copy(update={"gust_mps": 4.0}))),
-        replace(first, recipe=Recipe(largest_steer_deg=40.0)),
-        replace(first, episodes=101),
-        replace(first, seed=1),
-        replace(first, plant_fingerprint="another car"),
+        replace(found, recipe=Recipe(segment_s=(1.0,))),
+        replace(found, recipe=Recipe(variation=VARIED)),
+        replace(found, recipe=Recipe(variation=VARIED.model_copy(update={"gust_mps": 4.0}))),
+        replace(found, recipe=Recipe(largest_steer_deg=40.0)),
+        replace(found, episodes=101),
+        replace(found, seed=1),
+        replace(found, plant_fingerprint="another car"),
     ]
-    assert len({first.name, *(other.name for other in others)}) == 8
-    assert first.name == "7000-episodes-56b9aac324be8873"
+    assert cache_folder(found) == cache() / "of any name"
+    assert {cache_folder(other) for other in others} == {cache() / each.name for each in others}
+    assert len({each.name for each in (found, *others)}) == 8
 
 
 def test_a_folder_that_cannot_be_made_is_refused(tmp_path):

@@ -116,10 +116,8 @@ def test_a_diverging_baseline_has_an_infinite_ratio_and_does_not_change_the_othe
     assert np.all(states_of(found["equal"]) == 1.0)
 
 
-@pytest.mark.parametrize(
-    ("error", "largest", "is_within"), [([2.0, 1, 1, 1, 1, 1], 4.0, False), ([1.0] * 6, 1.0, True)]
-)
-def test_errors_on_another_set_are_divided_by_those_on_the_library(error, largest, is_within):
+@pytest.mark.parametrize(("error", "is_within"), [([2.0, 1, 1, 1, 1, 1], False), ([1.0] * 6, True)])
+def test_errors_on_another_set_are_divided_by_those_on_the_library(error, is_within):
     far = made_trajectories(50, seed=3)
     both = MADE._replace(x=np.concatenate([MADE.x, far.x]))
     errors = np.ones(both.x.shape)
@@ -129,5 +127,4 @@ def test_errors_on_another_set_are_divided_by_those_on_the_library(error, larges
     found = comparison.figures["sets"]["new-roads"]
     ratio = found["mse_over_library_mse"]["model"]
     assert states_of(ratio) == pytest.approx(np.square(error))
-    assert comparison.worst_state(ratio)[1] == pytest.approx(largest)
     assert found["is_within_goal"] == {"model": is_within}

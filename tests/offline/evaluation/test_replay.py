@@ -9,8 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from offline.cli import replay
-from offline.commands.replay import doubts
+from offline.commands.replay import doubts, replay
 from offline.evaluation.replay import Comparison, compare, replay_drive
 from offline.logs.recorded_drive import RecordedDrive, Window, load_drive
 from rt_controller.contract.arrays import Array

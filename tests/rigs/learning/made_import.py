@@ -3,7 +3,7 @@
 import numpy as np
 from made_logs import MAPPING, make_drive, rounded, write_csv
 
-from offline.cli import import_app
+from offline.commands.import_logs import app as import_app
 
 
 def make_place(folder):
