@@ -10,7 +10,7 @@ from cyclopts import Parameter
 
 from offline.commands.options import LATEST_RUN, JsonFile, require_ready
 from offline.commands.terminal import STDERR, STDOUT
-from rt_controller.contract.errors import ConfigError, OutputError, require_packages
+from rt_controller.contract.errors import ConfigError, OutputError
 from rt_controller.contract.figures import require_writable, write_figures
 from rt_controller.terminal.command_line import new_app, run_command
 
@@ -74,7 +74,9 @@ def evaluate(
     """
     require_ready(json_file)
     if html is not None:
-        require_packages("report", ("jinja2", "matplotlib"), "--html")
+        from rt_controller.report.page import require_report_extra
+
+        require_report_extra("--html")
         require_writable(html, "--html")
     from offline.evaluation.tables import comparison_tables, headline
     from rt_controller.report.table import print_table

@@ -119,7 +119,6 @@ def test_other_settings_and_other_data_are_fitted_anew(toy_dataset, monkeypatch)
             ConfigError,
             "one of dmdc-delays-path, .*pers",
         ),
-        (lambda: choose_baselines(["grue"]), ConfigError, "dmdc-delays-path, edmd-bilinear.*grue"),
         (lambda: choose_baselines(["lti", "all"]), ConfigError, "found all"),
         (lambda: registry.fit("lti-per-curvature", other_data()), DatasetError, "have no roads"),
         (lambda: registry.fit("lti", other_data()), ConfigError, "XDG_CACHE_HOME"),

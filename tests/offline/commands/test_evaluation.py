@@ -132,9 +132,3 @@ def test_the_page_is_of_the_same_evaluation(bundle_of, toy_folder, tmp_path, mon
     html = page.read_text()
     assert load_bundle(tmp_path / "good").sha256[:16] in html
     assert "Double lane change" in html
-
-
-@pytest.mark.parametrize("page", [".", "no/such/folder/page.html"])
-def test_a_page_that_cannot_be_written_is_refused_before_the_evaluation(page, tmp_path):
-    with pytest.raises(ConfigError, match="--html"):
-        evaluate(html=tmp_path / page)
