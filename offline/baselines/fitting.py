@@ -1,4 +1,4 @@
-"""Ridge regression of single steps, and the score that the settings of baselines are chosen by.
+"""What the fits share: ridge regression of single steps, the score of settings, scaled windows.
 
 Sums of products are accumulated chunk by chunk in double precision; each ridge then needs one
 solve. The regression is of the change over a step, so the ridge pulls A towards the identity;

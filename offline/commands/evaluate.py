@@ -219,27 +219,31 @@ def open_sets(
 
     Why one is left out is printed.
     """
-    from offline.evaluation import test_sets as made
+    from offline.evaluation import test_sets
 
-    library = made.library_set(dataset)
+    library = test_sets.library_set(dataset)
     tests = [library]
-    if made.NEW_ROADS in names:
-        new_roads = made.new_roads_set(dataset)
+    if test_sets.NEW_ROADS in names:
+        new_roads = test_sets.new_roads_set(dataset)
         if new_roads is None:
-            _notify(f"without {made.NEW_ROADS}: the data have no roads, or all of the new ones.")
+            _notify(
+                f"without {test_sets.NEW_ROADS}: the data have no roads, or all of the new ones."
+            )
         else:
             tests.append(new_roads)
-    if made.BENDS in names:
-        bends = made.bends_sets(dataset)
+    if test_sets.BENDS in names:
+        bends = test_sets.bends_sets(dataset)
         if not bends:
-            _notify(f"without {made.BENDS}: the data have no poses, or no car turns in them.")
+            _notify("without bends: the data have no poses, or no car turns in them.")
         tests += bends
     tests += _open_simulated_sets(names, dataset, bundles)
-    if made.NOISE in names:
-        noisy = [made.noisy_set(library, level, dataset.schema, dataset.roles) for level in levels]
+    if test_sets.NOISE in names:
+        noisy = [
+            test_sets.noisy_set(library, level, dataset.schema, dataset.roles) for level in levels
+        ]
         tests += [test for test in noisy if test is not None]
         if None in noisy:
-            _notify(f"without {made.NOISE}: the noise of none of the states is known.")
+            _notify("without noise: the noise of none of the states is known.")
     return tests
 
 

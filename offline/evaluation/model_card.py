@@ -56,14 +56,6 @@ def model_facts(bundle: Bundle) -> list[Fact]:
     ]
 
 
-def identity_facts(bundle: Bundle) -> list[Fact]:
-    """Digests of the model and of its training data."""
-    return [
-        Fact("model, SHA-256", bundle.sha256),
-        Fact("trained on data set, SHA-256", bundle.data_sha256),
-    ]
-
-
 def stability_text(bundle: Bundle) -> str:
     """Spectral radius and growth over 20 and 80 steps, observables in units of their spread."""
     return (
@@ -109,7 +101,11 @@ def write_card(
     """The card in Markdown; `facts` say how the model was made."""
     is_drivable = find_objection_to_driving(bundle) is None
     errors = mse_table(comparison, comparison.sets[0])
-    hashes = [*identity_facts(bundle), Fact("encoder, SHA-256", bundle.encoder_sha256)]
+    hashes = [
+        Fact("model, SHA-256", bundle.sha256),
+        Fact("trained on data set, SHA-256", bundle.data_sha256),
+        Fact("encoder, SHA-256", bundle.encoder_sha256),
+    ]
     configuration = json.dumps(json.loads(bundle.training), indent=2)
     ratios = ", ".join(
         f"{name} {ratio:.3g}"
