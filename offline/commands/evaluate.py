@@ -226,9 +226,7 @@ def open_sets(
     if test_sets.NEW_ROADS in names:
         new_roads = test_sets.new_roads_set(dataset)
         if new_roads is None:
-            _notify(
-                f"without {test_sets.NEW_ROADS}: the data have no roads, or all of the new ones."
-            )
+            _notify("without new-roads: the data have no roads, or all of the new ones.")
         else:
             tests.append(new_roads)
     if test_sets.BENDS in names:
@@ -238,9 +236,8 @@ def open_sets(
         tests += bends
     tests += _open_simulated_sets(names, dataset, bundles)
     if test_sets.NOISE in names:
-        noisy = [
-            test_sets.noisy_set(library, level, dataset.schema, dataset.roles) for level in levels
-        ]
+        signals = dataset.schema, dataset.roles
+        noisy = [test_sets.noisy_set(library, level, *signals) for level in levels]
         tests += [test for test in noisy if test is not None]
         if None in noisy:
             _notify("without noise: the noise of none of the states is known.")
