@@ -145,9 +145,9 @@ def test_a_baseline_that_may_have_been_trained_on_test_episodes_is_left_out_or_r
     shipped = load_bundle(shipped_model(SHIPPED))
     shipped = replace(shipped, training=describe_training({}, origin))
     monkeypatch.setattr(registry, "load_bundle", lambda folder: shipped)
-    said = []
-    opened = open_baselines(DEFAULT_BASELINES, toy_dataset, [], False, said.append)
-    assert tuple(opened) == tuple(fitted) == DEFAULT_BASELINES[:-1]
+    said, begun = [], []
+    opened = open_baselines(DEFAULT_BASELINES, toy_dataset, [], False, said.append, begun.append)
+    assert tuple(opened) == tuple(fitted) == tuple(begun) == DEFAULT_BASELINES[:-1]
     assert said == [f"without {SHIPPED}: {SHIPPED} may have been trained on its test episodes."]
     fitted.clear()
     with pytest.raises(DatasetError, match=SHIPPED):
@@ -163,15 +163,6 @@ def test_the_papers_network_is_a_baseline_of_other_models_only(toy_dataset, monk
     opened = open_baselines([SHIPPED], toy_dataset, [other], is_required=False)
     assert isinstance(opened[SHIPPED], BundlePredictor)
     assert open_baselines([SHIPPED], toy_dataset, [other, shipped], is_required=False) == {}
-
-
-def test_data_without_roads_have_no_model_per_road(toy_dataset, fitted):
-    data = replace(toy_dataset, manifest=replace(toy_dataset.manifest, roads=None))
-    said, begun = [], []
-    names = ["lti-per-curvature", "lti"]
-    opened = open_baselines(names, data, [], False, said.append, on_progress=begun.append)
-    assert list(opened) == begun == ["lti"]
-    assert "no roads" in said[0]
 
 
 def test_a_bundle_with_the_name_of_a_baseline_replaces_it(toy_dataset):
