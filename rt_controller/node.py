@@ -18,11 +18,11 @@ from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.limits import SteeringGeometry
 from rt_controller.contract.signals import AT_REST, NEUTRAL_INPUT, PathReference
 from rt_controller.contract.timing import PERIOD_S
+from rt_controller.control.eq14 import Corridor
 from rt_controller.control.identification import identify_gains
 from rt_controller.control.low_speed import LowSpeedCar, LowSpeedLaw, PedalGains, SpeedRange
 from rt_controller.control.mpc import Mpc
 from rt_controller.control.program import SolveStatus
-from rt_controller.control.terms import Corridor
 from rt_controller.control.warm_start import open_solver
 from rt_controller.model.bundle import Bundle
 from rt_controller.model.validation import require_drivable
@@ -99,7 +99,7 @@ def plan_at_constant_speed(mpc: Mpc) -> None:
     state = AT_REST._replace(vx_mps=20.0, ds_m=20.0 * PERIOD_S)
     path = PathReference(0.0, 0.0, 0.0, 0.0, v_mps=20.0, a_mps2=0.0)
     for _ in range(WARM_UP_STEPS):
-        status = mpc.plan(state, 0.0, path, NEUTRAL_INPUT)
+        status = mpc.plan(mpc.observe(state, NEUTRAL_INPUT), 0.0, path, NEUTRAL_INPUT)
     if status is not SolveStatus.SOLVED:
         raise ConfigError(
             f"The QP of a constant 20 m/s on a straight path: expected it to be solved, found "

@@ -24,9 +24,9 @@ from rt_controller.bus.messages import (
 )
 from rt_controller.bus.receive import Inbox, Received
 from rt_controller.bus.send import Outbox
+from rt_controller.contract.braking import stop_speed_mps
 from rt_controller.contract.errors import BusError
 from rt_controller.contract.faults import NO_REFUSAL
-from rt_controller.contract.limits import stop_speed_mps
 from rt_controller.contract.signals import NEUTRAL_INPUT, Mode
 from rt_controller.contract.timing import (
     IDENT_PERIOD_TICKS,

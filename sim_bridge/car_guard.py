@@ -6,13 +6,13 @@ from enum import Enum
 from rt_controller.bus.identity import PeerCatalogue, is_heartbeat_of
 from rt_controller.bus.messages import COMMAND, CONTROLLER_IDENTITY, HEARTBEAT, Command
 from rt_controller.bus.receive import Inbox, Received
-from rt_controller.contract.faults import NO_REFUSAL, Refusal
-from rt_controller.contract.limits import (
+from rt_controller.contract.braking import (
     BRAKE_RATE_N_PER_S,
     FULL_BRAKE_N,
     FULL_BRAKE_RATE_N_PER_S,
     MOST_BRAKE_N,
 )
+from rt_controller.contract.faults import NO_REFUSAL, Refusal
 from rt_controller.contract.signals import NEUTRAL_INPUT, ControlInput, Mode
 from rt_controller.contract.timing import (
     COMMAND_TIMEOUT_NS,

@@ -32,20 +32,19 @@ class DiscardBus:
 
 
 class _Outgoing:
-    """One message as it is sent: its prepared frames, its counter, its last contents.
+    """One message as it is sent: its prepared frames and its counter.
 
     The frames are used again and again: every backend of python-can has copied or serialised
     a frame when `send` returns.
     """
 
-    __slots__ = ("contents", "counter", "frames", "modulus", "values_of")
+    __slots__ = ("counter", "frames", "modulus", "values_of")
 
     def __init__(self, message: Message[Any], is_fd: bool) -> None:
         self.counter = -1
         parts = message.parts_of(is_fd)
         self.modulus = max(LONG_COUNTER_MODULUS, parts[0][0].counter_modulus)
         self.values_of = message.values_of
-        self.contents: list[Any] = [None] * LONG_COUNTER_MODULUS
         self.frames = [
             (
                 can.Message(
@@ -110,8 +109,6 @@ class Outbox:
         """
         outgoing = self._outgoing[message]
         counter = (outgoing.counter + 1 if counter is None else counter) % outgoing.modulus
-        if counter != outgoing.counter:  # the receiver drops a repeated one
-            outgoing.contents[counter % LONG_COUNTER_MODULUS] = content
         outgoing.counter = counter
         values = outgoing.values_of(content)
         for frame, codec, part in outgoing.frames:
@@ -126,17 +123,3 @@ class Outbox:
             self.sent += 1
             if self._recorder is not None:
                 self._recorder.record(frame, now_ns, is_sent=True)
-
-    def contents_until(self, message: Message[T], counter: int, most: int) -> list[T]:
-        """The contents sent under this counter and the ones before it, the newest first.
-
-        At most `most`; fewer where one was not sent or was repeated.
-        """
-        contents: list[T | None] = self._outgoing[message].contents
-        found = []
-        for delay in range(most):
-            content = contents[(counter - delay) % LONG_COUNTER_MODULUS]
-            if content is None:
-                break
-            found.append(content)
-        return found

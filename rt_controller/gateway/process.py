@@ -13,9 +13,9 @@ import can
 
 from rt_controller.bus.messages import Command
 from rt_controller.bus.receive import Received
+from rt_controller.contract.braking import BRAKE_RATE_N_PER_S, stop_speed_mps
 from rt_controller.contract.car import DEFAULT_CAR, Car
 from rt_controller.contract.errors import BusError
-from rt_controller.contract.limits import BRAKE_RATE_N_PER_S, stop_speed_mps
 from rt_controller.contract.signals import NEUTRAL_INPUT, ControlInput, Mode
 from rt_controller.contract.timing import (
     COMMAND_TIMEOUT_NS,
@@ -30,8 +30,8 @@ from rt_controller.mapping.car_file import CarFile
 from rt_controller.mapping.signal_frames import MAX_FRAMES
 from rt_controller.realtime.clock import RealtimeClock
 from rt_controller.safety.envelope import limit
-from rt_controller.safety.fallback import ALONG_PATH, Braking, safe_stop, stand_by
 from rt_controller.safety.modes import STANDING_MPS
+from rt_controller.safety.stop import ALONG_PATH, Braking, safe_stop, stand_by
 from rt_controller.vehicle.braking_cause import BrakingCause
 from rt_controller.vehicle.path_steering import largest_brake_n, steer_along
 from rt_controller.vehicle.vehicle_envelope import (

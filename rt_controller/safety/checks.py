@@ -4,7 +4,7 @@ How the thresholds were found, and what no check detects: `docs/safety.md`.
 """
 
 from enum import Enum, IntEnum, auto
-from math import copysign, inf
+from math import inf, nan
 from typing import NamedTuple
 
 from rt_controller.contract.car import Car
@@ -201,11 +201,5 @@ def checks_of(car: Car) -> tuple[Check, ...]:
 
 
 NEVER = inf
-NOT_COMPUTED = -0.0
-"""value of a quantity in a tick that has nothing to compute it from: above no threshold, and told
-apart from a computed zero by its sign alone, which costs a tick nothing"""
-
-
-def is_computed(value: float) -> bool:
-    """True if a tick computed this value of a quantity."""
-    return copysign(1.0, value) > 0.0
+NOT_COMPUTED = nan
+"""value of a quantity in a tick that has nothing to compute it from: above no threshold"""

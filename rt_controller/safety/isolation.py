@@ -196,7 +196,7 @@ class Windows:
         values, over = self._values, self._over
         found = []
         for i, quantity, threshold, window_ticks, check in self._groups[group]:
-            if values[quantity] <= threshold:
+            if not values[quantity] > threshold:  # nor where it is not computed
                 over[i] = 0
                 continue
             over[i] += 1

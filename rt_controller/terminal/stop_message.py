@@ -1,13 +1,12 @@
 """Words for what went wrong in a drive: the message of a safe stop, a sentence for each fault."""
 
 from collections.abc import Iterable, Sequence
-from math import nan
 from typing import Any, NamedTuple
 
 from rt_controller.bus.messages import REFERENCE, STATE, Message
 from rt_controller.bus.receive import Inbox
 from rt_controller.contract.faults import Fault, StopCause
-from rt_controller.safety.checks import CHECKS, Check, is_computed
+from rt_controller.safety.checks import CHECKS, Check
 from rt_controller.session import ControllerSession
 
 VEHICLE_KNOWS = "The vehicle's program (sim-bridge, or the gateway) names the cause at its end"
@@ -99,10 +98,9 @@ def plausibility_margins(values: Sequence[float], checks: Sequence[Check]) -> li
     """The quantities of a tick, by `Quantity`, against the thresholds of these checks."""
     margins = []
     for check in checks:
-        value, name = values[check.quantity], check.quantity.name
+        name = check.quantity.name
         unit = next((unit for end, unit in _UNITS.items() if name.endswith(f"_{end}")), "1")
-        computed = value if is_computed(value) else nan
-        margins.append(Margin(check.name, computed, check.threshold, unit))
+        margins.append(Margin(check.name, values[check.quantity], check.threshold, unit))
     return margins
 
 

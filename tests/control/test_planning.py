@@ -17,10 +17,10 @@ from rt_controller.contract.signals import (
 )
 from rt_controller.contract.timing import PERIOD_S
 from rt_controller.control.input_planner import InputPlanner
+from rt_controller.control.knots import place_knots
 from rt_controller.control.pedals import Pedal, PedalChoice, limit_pedals
 from rt_controller.control.program import SolveStatus
 from rt_controller.control.reference import ReferenceHorizon
-from rt_controller.control.terms import place_knots
 
 
 def test_intervals_are_two_periods_first_and_then_four():
@@ -28,14 +28,12 @@ def test_intervals_are_two_periods_first_and_then_four():
     assert knots.intervals.tolist() == [2.0] * 8 + [4.0] * 6
     assert knots.stages == (0, 2, 4, 6, 8, 10, 12, 14, 16, 20, 24, 28, 32, 36)
     assert knots.ends == (*knots.stages[1:], 40)
-    assert knots.unit == 2
 
 
 @pytest.mark.parametrize("count", [None, 12])
 def test_without_a_number_there_is_a_knot_at_each_stage(count):
     knots = place_knots(12, count)
     assert knots.stages == tuple(range(12))
-    assert knots.unit == 1
     np.testing.assert_array_equal(knots.interpolation, np.eye(12))
 
 

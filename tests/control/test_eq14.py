@@ -11,42 +11,40 @@ from rt_controller.contract.errors import ArtifactError
 from rt_controller.contract.limits import INPUT_LIMITS
 from rt_controller.contract.signals import N_STATES, ControlInput
 from rt_controller.contract.timing import PERIOD_S
-from rt_controller.control.objective import SLOWEST_MPS
+from rt_controller.control.eq14 import SLOWEST_MPS, CondensedQp, Corridor
 from rt_controller.control.pedals import PedalChoice
 from rt_controller.control.piqp_solver import PiqpSolver
 from rt_controller.control.program import SolveStatus
-from rt_controller.control.qp import CondensedQp
-from rt_controller.control.terms import Corridor
 
 
 def sparse_plan(qp, bundle, cost, corridor):
     """Inputs at the knots (K, 3) and slacks of eq. (14) with the states as variables."""
-    now = qp.parameters
+    now = qp
     n, N, nv = bundle.n_observables, HORIZON, qp.scale.size
     ends, between = np.array(qp.knots.ends), qp.knots.intervals[:, None]
     slacks = 0 if corridor is None else len(ends)
     of_states, of_slacks = slice(nv, nv + N * n), slice(nv + N * n, nv + N * n + slacks)
     size = nv + N * n + slacks
     inputs = np.zeros((N * 3, size))  # of all stages, from v
-    inputs[:, :nv] = np.kron(qp.interpolation, np.eye(3)) * qp.scale
+    inputs[:, :nv] = np.kron(qp.T, np.eye(3)) * qp.scale
     changes = inputs - np.vstack([np.zeros((3, size)), inputs[:-3]])
-    changed_from = np.concatenate([now.previous, np.zeros(3 * (N - 1))])
+    changed_from = np.concatenate([now.u_prev, np.zeros(3 * (N - 1))])
     states = np.eye(size)[of_states].reshape(N, n, size)
 
-    undriven = bundle.B_uw[:, 0] * now.curvature_per_m + bundle.c
+    undriven = bundle.B_uw[:, 0] * now.kappa + bundle.c
     A_eq = states - (bundle.B_uc @ inputs.reshape(N, 3, size))
     A_eq[1:] -= bundle.A @ states[:-1]
     b_eq = np.tile(undriven, (N, 1))
-    b_eq[0] += bundle.A @ now.psi
+    b_eq[0] += bundle.A @ now.psi_0
 
-    outputs, reference = states[ends - 1, :6].copy(), now.reference[1:].copy()
+    outputs, reference = states[ends - 1, :6].copy(), now.x_r[1:].copy()
     if cost.heading == "course":  # the predicted states are slower than SLOWEST_MPS
         length_m = SLOWEST_MPS * PERIOD_S * between
         ey_m = outputs[:, 4].copy()
         outputs[1:, 5] = (ey_m[1:] - ey_m[:-1]) / length_m[1:]
         outputs[0, 5] = ey_m[0] / length_m[0]
-        reference[:, 5] = np.diff(now.reference[:, 4]) / length_m[:, 0]
-        reference[0, 5] += now.psi[4] / length_m[0, 0]
+        reference[:, 5] = np.diff(now.x_r[:, 4]) / length_m[:, 0]
+        reference[0, 5] += now.psi_0[4] / length_m[0, 0]
     weights = between / np.square(np.array(cost.state))
     weights[-1] *= cost.terminal_factor
     squares = [  # rows, what they are to be, weights
@@ -55,7 +53,7 @@ def sparse_plan(qp, bundle, cost, corridor):
         (changes, changed_from, np.tile(1.0 / np.square(np.array(cost.control_change)), N)),
     ]
     if corridor is not None:
-        weight = np.full(slacks, corridor.weight)
+        weight = np.full(slacks, 1.0 / corridor.beyond_m**2)
         squares.append((np.eye(size)[of_slacks], np.zeros(slacks), weight))
     P = sum((rows.T * w) @ rows for rows, _, w in squares)
     q = -sum((rows.T * w) @ wanted for rows, wanted, w in squares)
@@ -63,13 +61,13 @@ def sparse_plan(qp, bundle, cost, corridor):
     since = np.concatenate([[[1.0]], between[:-1]])
     slew = since * np.array(INPUT_LIMITS.rate_per_s) * PERIOD_S / RANGE
     G, low, high = (np.eye(nv, size) - np.eye(nv, size, k=-3), -slew.reshape(-1), slew.reshape(-1))
-    low[:3] += now.previous / RANGE
-    high[:3] += now.previous / RANGE
+    low[:3] += now.u_prev / RANGE
+    high[:3] += now.u_prev / RANGE
     if corridor is not None:
         G = np.vstack([G, states[ends - 1, 4] + np.eye(size)[of_slacks]])
         half_m = corridor.half_width_m
-        low = np.append(low, now.reference[1:, 4] - half_m)
-        high = np.append(high, now.reference[1:, 4] + half_m)
+        low = np.append(low, now.x_r[1:, 4] - half_m)
+        high = np.append(high, now.x_r[1:, 4] + half_m)
     free = np.full(size - nv, np.inf)
     bounds = qp.program.lower[:nv], qp.program.upper[:nv]  # with those of the pedals
     box = (low, high, np.append(bounds[0], -free), np.append(bounds[1], free))
@@ -131,7 +129,7 @@ def test_a_model_without_a_convex_finite_objective_is_refused(rank, wrong):
     if wrong == "A" or (rank == 0 and wrong == "gains"):
         bundle.A[:] = 1e200
     elif wrong == "gains":
-        bundle.gains.s0[:] = 1e200
+        bundle.gains.N[:] = 1e200
     else:
         bundle.B_uc[:, 1], complaint = 0.0, "convex"
         cost = COST._replace(control=FREE, control_change=FREE)
@@ -151,36 +149,35 @@ COSTS = [
 def built(bundle, cost, knots, psi):
     """The QP linearised along a plan, with parameters that are the same for every model."""
     qp, rng = CondensedQp(bundle, HORIZON, cost, knots=knots), np.random.default_rng(1)
-    parameters = qp.parameters
-    parameters.psi[:], parameters.curvature_per_m = psi, 0.002
-    parameters.previous[:] = (0.2, 10.0, 0.1)
-    parameters.reference[:] = psi[:N_STATES] + 0.2 * rng.normal(size=parameters.reference.shape)
-    parameters.nominal_knots[:] = knots_of(knots)
-    parameters.nominal_inputs[:] = qp.interpolation @ parameters.nominal_knots
+    qp.psi_0[:], qp.kappa = psi, 0.002
+    qp.u_prev[:] = (0.2, 10.0, 0.1)
+    qp.x_r[:] = psi[:N_STATES] + 0.2 * rng.normal(size=qp.x_r.shape)
+    qp.u_nominal[:] = knots_of(knots)
     qp.update_matrices()
-    qp.update_vectors(PedalChoice())
+    qp.update_vectors()
+    qp.update_bounds(PedalChoice())
     return qp
 
 
 def predicted(bundle, now, inputs):
     """States (N + 1, 6), the present one first."""
-    psi, found = now.psi, [now.psi[:N_STATES]]
+    psi, found = now.psi_0, [now.psi_0[:N_STATES]]
     for u in inputs:
-        psi = one_step(bundle, psi, u, np.array([now.curvature_per_m]))
+        psi = one_step(bundle, psi, u, np.array([now.kappa]))
         found.append(psi[:N_STATES])
     return np.array(found)
 
 
 def naive_cost(qp, bundle, cost, knots):
     """Cost of eq. (14); the course is a change of e_y over the distance in the nominal plan."""
-    now, inputs = qp.parameters, qp.interpolation @ knots
-    nominal_mps = predicted(bundle, now, now.nominal_inputs)[:, 0]
-    states, before, total = predicted(bundle, now, inputs), now.previous, 0.0
+    now, inputs = qp, qp.T @ knots
+    nominal_mps = predicted(bundle, now, qp.T @ qp.u_nominal)[:, 0]
+    states, before, total = predicted(bundle, now, inputs), now.u_prev, 0.0
     begins, ends = qp.knots.stages, qp.knots.ends
     for j, (begin, end) in enumerate(zip(begins, ends, strict=True)):
-        errors = states[end] - now.reference[j + 1]
+        errors = states[end] - now.x_r[j + 1]
         if cost.heading == "course":
-            turned_m = errors[4] - (states[begin, 4] - now.reference[j, 4])
+            turned_m = errors[4] - (states[begin, 4] - now.x_r[j, 4])
             time_s = PERIOD_S * (end - begin)
             errors[5] = turned_m / (time_s * max(nominal_mps[end], SLOWEST_MPS))
         factor = cost.terminal_factor if end == HORIZON else 1.0
@@ -194,7 +191,7 @@ def naive_cost(qp, bundle, cost, knots):
 
 def objective_of(qp, knots):
     v = (knots / RANGE).reshape(-1)
-    return float(0.5 * v @ qp.objective.H @ v + qp.objective.gradient @ v)
+    return float(0.5 * v @ qp.H @ v + qp.f @ v)
 
 
 @pytest.mark.parametrize("knots", [5, HORIZON])
@@ -218,8 +215,8 @@ def test_along_the_nominal_plan_the_gradient_is_that_of_the_cost_of_the_model(
     """So a plan that repeats itself is stationary for the nonlinear model."""
     bundle, cost = made(variant), COSTS[-1]._replace(heading=heading)
     qp = built(bundle, cost, knots, bundle.selftest_psi[0])
-    nominal = qp.parameters.nominal_knots.copy()
-    found = qp.objective.H @ (nominal / RANGE).reshape(-1) + qp.objective.gradient
+    nominal = qp.u_nominal.copy()
+    found = qp.H @ (nominal / RANGE).reshape(-1) + qp.f
     expected = np.zeros_like(found)
     for i in range(found.size):
         step = np.zeros(found.size)
@@ -233,14 +230,16 @@ def test_along_the_nominal_plan_the_gradient_is_that_of_the_cost_of_the_model(
 def test_of_a_linear_model_the_gradient_follows_state_and_road_without_new_matrices():
     bundle = made("linear")
     qp = built(bundle, COSTS[-1], 5, bundle.selftest_psi[0])
-    qp.parameters.psi[:] = bundle.selftest_psi[1]
-    qp.parameters.curvature_per_m = -0.004
-    qp.update_vectors(PedalChoice())
-    found = qp.objective.gradient.copy()
+    qp.psi_0[:] = bundle.selftest_psi[1]
+    qp.kappa = -0.004
+    qp.update_vectors()
+    qp.update_bounds(PedalChoice())
+    found = qp.f.copy()
     qp.update_matrices()
-    qp.update_vectors(PedalChoice())
+    qp.update_vectors()
+    qp.update_bounds(PedalChoice())
     scale = np.abs(found).max()
-    np.testing.assert_allclose(found, qp.objective.gradient, rtol=0.0, atol=1e-10 * scale)
+    np.testing.assert_allclose(found, qp.f, rtol=0.0, atol=1e-10 * scale)
 
 
 @pytest.mark.parametrize("heading", ["course", "epsi"])

@@ -1,22 +1,21 @@
-"""The input of each mode: the plan, or what is sent when no plan may be followed."""
+"""The safe stop: how it brakes beside the cornering, and the input of each mode without a plan."""
 
-from math import radians
+from math import inf
 from typing import NamedTuple
 
-from rt_controller.contract.faults import StopCause
-from rt_controller.contract.limits import (
+from rt_controller.contract.braking import (
     BRAKE_RATE_N_PER_S,
     FULL_BRAKE_N,
     FULL_BRAKE_RATE_N_PER_S,
     HARD_BRAKE_N,
     HARD_BRAKE_RATE_N_PER_S,
-    LEAST_BRAKE_N,
     MOST_BRAKE_N,
     brake_beside_n,
 )
-from rt_controller.contract.signals import ControlInput, Mode
+from rt_controller.contract.faults import StopCause
+from rt_controller.contract.limits import DEFAULT_GEOMETRY, SteeringGeometry
+from rt_controller.contract.signals import ControlInput, Mode, VehicleState
 from rt_controller.contract.timing import PERIOD_S
-from rt_controller.safety.coast_model import Cornering
 
 
 class Braking(NamedTuple):
@@ -36,11 +35,6 @@ LOST = Braking(HARD_BRAKE_N, HARD_BRAKE_RATE_N_PER_S)
 """the last known path is only some metres long, and the error of an estimated place grows"""
 FULL = Braking(FULL_BRAKE_N, FULL_BRAKE_RATE_N_PER_S)
 """with a stuck wheel only the brake still acts"""
-COUNTER_STEERING = Braking(20.0, 150.0)
-"""of a car that turns less or more than its wheel: its tyres need their grip for the path, with ice
-under one side for example"""
-COUNTER_STEERING_RAD = radians(10.0)
-"""difference of the wheel from that of a steady turn, from which on this holds"""
 STEER_RETURN_RADPS = 0.7
 """40 deg/s of steering-wheel angle towards zero"""
 
@@ -48,22 +42,23 @@ STEER_RETURN_RADPS = 0.7
 def braking_for(
     alarm: StopCause,
     is_known: bool,
-    cornering: Cornering,
+    state: VehicleState,
+    steer_rad: float,
+    geometry: SteeringGeometry = DEFAULT_GEOMETRY,
+    stop_mps: float = inf,
     open_throttle: float = 0.0,
     force_scale: float = 1.0,
     is_held: bool = False,
 ) -> Braking:
     """How a safe stop brakes in this tick: beside what the tyres give to the path.
 
-    A wheel that has an offset, but moves, is corrected by the vehicle: from then on the tyres need
-    their grip for the path again. With a lost state or path only a short stop keeps the car near
-    its path, but it is steered there too.
+    With a lost state or path only a short stop keeps the car near its path, but it is steered there
+    too.
 
     Args:
         alarm: of this tick; not the cause that the stop began with.
         is_known: state and path arrive and are accepted, though single signals may be estimated.
-        cornering: of the car in this tick.
-        open_throttle: by which the throttle is open against its command.
+        state, steer_rad, geometry, stop_mps, open_throttle: as of `brake_beside_n`.
         force_scale: of the car's brake, see `Car`.
         is_held: the brake holds a standing car.
     """
@@ -71,17 +66,8 @@ def braking_for(
         return ALONG_PATH.scaled(force_scale)
     if alarm is StopCause.STEERING_MISMATCH:
         return FULL.scaled(min(force_scale, 1.0))
-    if is_known and abs(cornering.counter_steering_rad) > COUNTER_STEERING_RAD:
-        most_n = COUNTER_STEERING.most_n + max(cornering.least_brake_n - LEAST_BRAKE_N, 0.0)
-        return COUNTER_STEERING._replace(most_n=most_n).scaled(force_scale)
     straight = ALONG_PATH if is_known else LOST
-    most_n = brake_beside_n(
-        cornering.lateral_mps2,
-        cornering.wanted_mps2,
-        open_throttle,
-        straight.most_n,
-        cornering.least_brake_n,
-    )
+    most_n = brake_beside_n(state, steer_rad, geometry, stop_mps, open_throttle, straight.most_n)
     return Braking(most_n, straight.rate_n_per_s).scaled(force_scale)
 
 
