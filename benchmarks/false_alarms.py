@@ -28,13 +28,14 @@ from rt_controller.config import ControllerConfig
 from rt_controller.contract.errors import ConfigError, PlantError
 from rt_controller.contract.faults import StopCause
 from rt_controller.contract.figures import require_writable, write_figures
+from rt_controller.contract.quantities import Quantity
 from rt_controller.contract.timing import PERIOD_S
 from rt_controller.drive.table import Drive
 from rt_controller.model.artifact import SHIPPED_MODEL
 from rt_controller.model.bundle import Bundle
 from rt_controller.node import build_mpc
 from rt_controller.report.table import Column, Table, to_markdown
-from rt_controller.safety.checks import CHECKS, Check, Quantity, Reaction
+from rt_controller.safety.checks import CHECKS, Check, Reaction
 from rt_controller.session import ControllerSession
 from rt_controller.settings import CarSettings
 from rt_controller.simulation import drive_in_lockstep

@@ -12,7 +12,8 @@ from operator import or_
 from typing import NamedTuple
 
 from rt_controller.contract.faults import StopCause
-from rt_controller.safety.checks import Check, Quantity, Reaction
+from rt_controller.contract.quantities import Quantity
+from rt_controller.safety.checks import Check, Reaction
 
 SignalMask = int
 """bits of `Faulty`"""

@@ -17,11 +17,11 @@ from rt_controller.contract.kinematics import (
     lateral_change_m,
     progress_m,
 )
+from rt_controller.contract.quantities import Quantity
 from rt_controller.contract.signals import AT_REST, ControlInput, VehicleState
 from rt_controller.contract.timing import PERIOD_S
 from rt_controller.model.dynamics import Dynamics
 from rt_controller.model.roll_outs import STEPS, DrivenStep, RollOuts
-from rt_controller.safety.checks import Quantity
 from rt_controller.safety.isolation import (
     LATERAL_SPEED_DIFFERS_MPS,
     YAW_RATE_DIFFERS_RADPS,

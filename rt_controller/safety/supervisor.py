@@ -19,10 +19,11 @@ from rt_controller.contract.kinematics import (
     progress_m,
     speed_of,
 )
+from rt_controller.contract.quantities import Quantity
 from rt_controller.contract.signals import AT_REST, ControlInput, VehicleState
 from rt_controller.contract.timing import PERIOD_S
 from rt_controller.model.validity import Excess, TrainedRange
-from rt_controller.safety.checks import CHECKS, NEVER, NOT_COMPUTED, Check, Quantity
+from rt_controller.safety.checks import CHECKS, NEVER, NOT_COMPUTED, Check
 from rt_controller.safety.coast_model import PedalEffect, StoppingCar
 from rt_controller.safety.freshness import ON_TIME, SampleTime
 from rt_controller.safety.isolation import (

@@ -12,6 +12,7 @@ from rt_controller import ControllerConfig, simulate
 from rt_controller.bus.messages import Command
 from rt_controller.contract.car import DEFAULT_CAR, RANGES, THRESHOLDS, UNNAMED_CAR, Car, car_of
 from rt_controller.contract.faults import NO_REFUSAL, Refusal, StopCause
+from rt_controller.contract.quantities import Quantity
 from rt_controller.contract.signals import AT_REST, NEUTRAL_INPUT, Mode, PathReference
 from rt_controller.contract.timing import PERIOD_S
 from rt_controller.control.program import SolveStatus
@@ -19,7 +20,7 @@ from rt_controller.mapping.tables import CarData
 from rt_controller.model.artifact import load_bundle, save_bundle, shipped_model
 from rt_controller.model.bundle import Bundle
 from rt_controller.node import build_mpc
-from rt_controller.safety.checks import CHECKS, Quantity, checks_of
+from rt_controller.safety.checks import CHECKS, checks_of
 from rt_controller.safety.stop import braking_for
 from rt_controller.vehicle.vehicle_envelope import OwnMotion, refusals
 

@@ -6,8 +6,8 @@ import pytest
 from benchmarks import cadence, false_alarms
 from benchmarks.conditions import conditions
 from benchmarks.false_alarms import DriveResult, figures_of
+from rt_controller.contract.quantities import Quantity
 from rt_controller.realtime.timing import TickTimes
-from rt_controller.safety.checks import Quantity
 from rt_controller.terminal.command_line import run_command
 from sim_bridge.scenario import load_scenario
 

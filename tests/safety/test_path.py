@@ -5,8 +5,9 @@ from math import e, exp, isnan
 import pytest
 
 from rt_controller.contract.limits import FAR, NEAR
+from rt_controller.contract.quantities import Quantity
 from rt_controller.contract.signals import CurvaturePreview, PathReference, VehicleState
-from rt_controller.safety.checks import NOT_COMPUTED, Quantity
+from rt_controller.safety.checks import NOT_COMPUTED
 from rt_controller.safety.path import (
     FollowedPath,
     LastPath,

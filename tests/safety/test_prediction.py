@@ -8,10 +8,10 @@ from kinematic_car import BRAKE_TO_SPEED, linear_model
 from made_models import input_gains, join_gains, one_step, saturations
 from made_residuals import predicted, residuals
 
+from rt_controller.contract.quantities import Quantity
 from rt_controller.contract.signals import NEUTRAL_INPUT, ControlInput, VehicleState
 from rt_controller.model import roll_outs
 from rt_controller.model.dynamics import Matrices
-from rt_controller.safety.checks import Quantity
 from rt_controller.safety.coast_model import StoppingCar
 from rt_controller.safety.motion import STEPS, MotionPrediction
 

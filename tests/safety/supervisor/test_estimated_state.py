@@ -18,8 +18,9 @@ from kinematic_car import (
 )
 
 from rt_controller.contract.faults import StopCause
+from rt_controller.contract.quantities import Quantity
 from rt_controller.contract.signals import NEUTRAL_INPUT, CurvaturePreview
-from rt_controller.safety.checks import Quantity, Reaction
+from rt_controller.safety.checks import Reaction
 from rt_controller.safety.isolation import Faulty
 from rt_controller.safety.motion import MotionPrediction
 from rt_controller.safety.tick import Estimate

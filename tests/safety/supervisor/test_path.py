@@ -18,9 +18,9 @@ from kinematic_car import (
 )
 
 from rt_controller.contract.faults import StopCause
+from rt_controller.contract.quantities import Quantity
 from rt_controller.contract.signals import ControlInput, CurvaturePreview, PathReference
 from rt_controller.contract.timing import PERIOD_S
-from rt_controller.safety.checks import Quantity
 from rt_controller.safety.coast_model import StoppingCar
 
 RAMP = CurvaturePreview(5.0, 0.0, 0.002, 0.004, 0.006, 0.008)
