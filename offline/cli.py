@@ -12,6 +12,7 @@ from typing import Annotated, Literal
 from cyclopts import Parameter
 from pydantic import Field
 
+from offline.campaign import Backend
 from offline.commands.ablation import ablate
 from offline.commands.options import (
     LATEST_RUN,
@@ -26,7 +27,6 @@ from offline.commands.options import (
 )
 from offline.config import PRESETS
 from offline.data.variation import RecipeName, choose_variation
-from offline.experiments.backend import Backend
 from rt_controller.contract.errors import ConfigError, require_packages
 from rt_controller.contract.figures import require_writable, write_figures
 from rt_controller.terminal.command_line import new_app, run_command

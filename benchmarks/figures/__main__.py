@@ -5,6 +5,7 @@ A table stands between `<!-- figures: NAME -->` and `<!-- end -->`.
 
 import re
 from collections.abc import Callable, Iterable, Mapping
+from operator import call
 from pathlib import Path
 from typing import Annotated
 
@@ -14,6 +15,7 @@ from rich.console import Console
 from benchmarks.figures import closed_loop
 from benchmarks.figures.results import SOURCES, Part, Results, read_import
 from benchmarks.figures.tables import blocks
+from offline.campaign import THIS_MACHINE, Backend, run_campaign
 from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.figures import require_writable, write_figures
 from rt_controller.model.artifact import SHIPPED_MODEL
@@ -39,6 +41,7 @@ def main(
     tables: Annotated[bool, cyclopts.Parameter(negative="")] = False,
     check: Annotated[bool, cyclopts.Parameter(negative="")] = False,
     root: Annotated[Path, cyclopts.Parameter(show=False)] = ROOT,
+    backend: Backend = THIS_MACHINE,
     json: Annotated[Path | None, cyclopts.Parameter(name="--json")] = None,
 ) -> int:
     """Measure what is missing in docs/figures.json, and write the tables of README.md and docs.
@@ -49,7 +52,7 @@ def main(
 
     Args:
         only: pieces to measure.
-        imports: JSON files of offline-evaluate, sim-bridge fault-matrix and
+        imports: JSON files of offline-evaluate, benchmarks.fault_matrix and
             benchmarks.false_alarms, of the shipped models.
         again: forget what the file has of these pieces, then measure.
         tables: measure nothing, write the tables only.
@@ -70,19 +73,23 @@ def main(
         results.put(piece, part, part.measure())
     if not (tables or check):
         for piece in only or PIECES:
-            _measure(results, piece, again, console)
+            _measure(results, piece, again, backend, console)
     write_figures(json, results.found)
     return _update_documents(root, results, check, console)
 
 
-def _measure(results: Results, piece: str, again: bool, console: Console) -> None:
+def _measure(
+    results: Results, piece: str, again: bool, backend: Backend, console: Console
+) -> None:
     parts = list(PIECES[piece]())
     if again:
         results.keep(piece, ())  # when interrupted, the command without --again goes on
-    missing = results.missing(piece, parts)
-    for number, part in enumerate(missing, 1):
-        console.print(f"{piece} {number}/{len(missing)}: {part.name}", highlight=False)
-        results.put(piece, part, part.measure())
+    missing = {part.name: part for part in results.missing(piece, parts)}
+    tasks = [(name, (part.measure,)) for name, part in missing.items()]
+    found = run_campaign(call, tasks, backend, {}, None)  # the results file keeps them
+    for number, (name, figures) in enumerate(found, 1):
+        console.print(f"{piece} {number}/{len(missing)}: {name}", highlight=False)
+        results.put(piece, missing[name], figures)
     results.keep(piece, [part.name for part in parts])
 
 

@@ -5,6 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from offline.campaign import Backend
 from offline.commands.terminal import STDERR, STDOUT, progress_bar, stop_on_signals
 from offline.config import TrainingConfig, explicit_fields
 from offline.data.dataset import Dataset, cache_folder, exists, load_dataset
@@ -12,7 +13,6 @@ from offline.data.generate import make_dataset, simulated_origin
 from offline.data.manifest import Imported, Origin, Simulated
 from offline.data.recipe import Recipe
 from offline.data.variation import describe
-from offline.experiments.backend import Backend
 from offline.experiments.training_task import CampaignData, measure_linear_model
 from rt_controller.contract.errors import DatasetError
 from rt_controller.report.table import Column, Table, print_table

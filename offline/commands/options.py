@@ -6,9 +6,9 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
+from offline.campaign import Backend
 from offline.config import TrainingConfig
 from offline.data.variation import Variation
-from offline.experiments.backend import Backend
 from rt_controller.contract.errors import require_packages
 from rt_controller.contract.figures import require_writable
 

@@ -11,17 +11,16 @@ Paper: section III-A, data acquisition.
 """
 
 import hashlib
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures.process import BrokenProcessPool
+from collections.abc import Callable
 from math import degrees, radians
 from pathlib import Path
 from tempfile import TemporaryFile
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple
 
-import joblib
 import numpy as np
 from numpy.typing import NDArray
 
+from offline.campaign import run_tasks
 from offline.config import PAST_STEPS, PRESETS, STEPS
 from offline.data.dataset import Dataset, cache_folder, save_dataset, split_episodes, writable
 from offline.data.manifest import Roads, Simulated
@@ -37,7 +36,7 @@ from offline.data.signals import VEHICLE_ROLES, Array32
 from offline.data.variation import VARIED, Variation
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.car import Car
-from rt_controller.contract.errors import DatasetError, RtControllerError
+from rt_controller.contract.errors import DatasetError
 from rt_controller.contract.limits import (
     INPUT_LIMITS,
     PLAN_TURN_MPS2,
@@ -55,8 +54,6 @@ MOST_REJECTED = 500
 """drives in a row under the same conditions"""
 EPISODE_STEPS = PAST_STEPS + SLICES * STEPS
 CHUNK_EPISODES = 20
-
-Result = TypeVar("Result")
 
 _ALL_CHANGING = {"nominal_share": 0.0, "changing_share": 1.0}
 
@@ -120,7 +117,7 @@ def generate(
     tasks = [(recipe, seeds[first : first + CHUNK_EPISODES]) for first in firsts]
     made: dict[int, list[Episode]] = {}
     on_progress(0)
-    for task, chunk in run_tasks(_make_chunk, tasks, jobs):
+    for task, chunk in run_tasks(_make_chunk, enumerate(tasks), jobs):
         made[task] = chunk
         on_progress(sum(map(len, made.values())))
     return assemble([episode for _, chunk in sorted(made.items()) for episode in chunk])
@@ -297,33 +294,3 @@ def make_dataset(
         conditions=() if made.recording.conditions is None else CONDITIONS,
         rejected=made.rejected,
     )
-
-
-class WorkersLostError(RtControllerError):
-    """A worker process died."""
-
-
-def run_tasks(
-    function: Callable[..., Result], tasks: Sequence[tuple[Any, ...]], jobs: int | None = None
-) -> Iterator[tuple[int, Result]]:
-    """Index of each task and the result of function(*task), in the order of completion.
-
-    Number and place of the workers follow from the active joblib backend if `jobs` is None.
-
-    Raises:
-        WorkersLostError: a worker process died.
-    """
-    parallel = joblib.Parallel(n_jobs=jobs, batch_size=1, return_as="generator_unordered")
-    # Arguments travel as one tuple: joblib would store large ones on a single Dask worker.
-    calls = (joblib.delayed(_run)(function, index, task) for index, task in enumerate(tasks))
-    try:
-        yield from parallel(calls)
-    except BrokenProcessPool as error:
-        raise WorkersLostError(
-            f"expected workers to finish {len(tasks)} tasks, found that one died ({error}). Look "
-            f"for lack of memory, and run the command again: what is finished is kept."
-        ) from error
-
-
-def _run(function: Callable[..., Result], index: int, task: tuple[Any, ...]) -> tuple[int, Result]:
-    return index, function(*task)

@@ -122,7 +122,7 @@ def failed_checks(session: ControllerSession) -> list[Margin]:
     fault was its cause."""
     if not session.stop_values or session.record.result.cause not in _OF_CHECKS:
         return []
-    return exceeded(plausibility_margins(session.stop_values, session.checks))
+    return exceeded(plausibility_margins(session.stop_values, session.supervisor.checks))
 
 
 def begin_of_stop(session: ControllerSession) -> str:

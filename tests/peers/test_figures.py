@@ -39,7 +39,7 @@ def drive_parts(measured: list[str], failing: str = "") -> list[Part]:
 
 def run(root: Path, *options: str) -> int:
     with pytest.raises(SystemExit) as ended:
-        run_command(figures.app, ["--root", str(root), *options])
+        run_command(figures.app, ["--root", str(root), "--jobs", "1", *options])
     assert isinstance(ended.value.code, int)
     return ended.value.code
 
