@@ -8,8 +8,9 @@ driven again without checks: if the car leaves its path there too, it has too li
 stop is right; else the alarm is a false one.
 """
 
+import warnings
 from collections.abc import Sequence
-from contextlib import closing, suppress
+from contextlib import suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Annotated, Any
@@ -114,12 +115,14 @@ def main(
     made_with = {"model_sha256": bundle.sha256}
     results = run_campaign(measure, tasks, backend, made_with, drives, in_order=True)
     found, driven_h = list[DriveResult](), 0.0
-    with closing(results):
-        while driven_h < hours:
-            each = _RESULT.validate_python(next(results)[1])
-            found.append(each)
-            driven_h += each.driven_s / 3600.0
-            print(f"{driven_h:.3f} h {each.condition} {each.failed_checks}", flush=True)
+    while driven_h < hours:
+        each = _RESULT.validate_python(next(results)[1])
+        found.append(each)
+        driven_h += each.driven_s / 3600.0
+        print(f"{driven_h:.3f} h {each.condition} {each.failed_checks}", flush=True)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)  # of joblib, that drives were cancelled
+        results.close()
     if not found:
         return
     figures = figures_of(found)
@@ -134,8 +137,8 @@ def main(
 def measure(condition: Condition, model: str | None) -> dict[str, Any]:
     """`DriveResult` of one drive in simulated time, as JSON.
 
-    Values and failed checks in a stop count only if it was requested: another one begins with a false alarm, and its
-    consequences are no further ones.
+    Values and failed checks in a stop count only if it was requested: another one begins with a
+    false alarm, and its consequences are no further ones.
     """
     largest, failed = np.zeros(len(Quantity)), set[str]()
 

@@ -5,7 +5,7 @@ Results may be kept in a file of JSON lines: the same command then goes on after
 """
 
 import json
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
@@ -117,7 +117,7 @@ def run_campaign(
     made_with: Mapping[str, Any],
     file: Path | None,
     in_order: bool = False,
-) -> Iterator[tuple[str, Any]]:
+) -> Generator[tuple[str, Any], None, None]:
     """Key and result of every task: all that the file has, then the others as they are finished.
 
     Args:

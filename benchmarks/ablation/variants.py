@@ -1,18 +1,24 @@
-"""Training configurations that a TOML file or a command line changes; every change is checked."""
+"""Lists of variants of the training configuration, read from TOML.
 
-from collections.abc import Collection, Mapping, Sequence
-from importlib import resources
+In a cumulative list a variant also has the changes of those before it. Variants are comparable only
+at equal cost: a list may take its budget from another preset.
+"""
+
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, NamedTuple
 
-from pydantic import AfterValidator, Field, TypeAdapter, ValidationError
+from pydantic import AfterValidator, BaseModel, Field, TypeAdapter, ValidationError
 
-from offline.config import PRESETS, TrainingConfig, explicit_fields
+from offline.config import PRESETS, TrainingConfig
 from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.files import read_text
 from rt_controller.contract.settings_errors import dotted, explain, option
-from rt_controller.mapping.toml_file import T, parse
+from rt_controller.mapping.toml_file import parse
 
+SHIPPED_FILE = Path(__file__).with_name("variants.toml")
+BUDGET = ("steps", "batch", "evaluate_every")
+"""fields that determine the cost of a training"""
 NONE = "none"
 """stands for None in TOML files"""
 
@@ -27,7 +33,91 @@ Preset = Annotated[str, AfterValidator(_require_preset)]
 FolderName = Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9.-]*$")]
 
 
-def changed(base: TrainingConfig, changes: Mapping[str, Any], where: str) -> TrainingConfig:
+class Variant(BaseModel, frozen=True, extra="forbid"):
+    """An entry of a list."""
+
+    name: FolderName
+    """also the name of its folder"""
+    why: str
+    changes: dict[str, Any] = {}
+    """its own, without those of the variants before it"""
+
+
+class _List(BaseModel, extra="forbid"):
+    why: str
+    base: Preset
+    cumulative: bool = False
+    budget: Preset | None = None
+    common: dict[str, Any] = {}
+    variant: Annotated[list[Variant], Field(min_length=1)]
+
+
+_LISTS = TypeAdapter(dict[FolderName, _List])
+
+
+class Training(NamedTuple):
+    """A variant and its configuration."""
+
+    variant: Variant
+    config: TrainingConfig
+
+    @property
+    def folder(self) -> str:
+        """Its folder in that of all trainings."""
+        return f"{self.variant.name}/seed-{self.config.seed}"
+
+
+def read_variants(
+    name: str, file: Path, common: Mapping[str, Any], only: Sequence[str] = ()
+) -> tuple[str, list[Training]]:
+    """Title and variants of the list of that name; the name of a preset is a list of one.
+
+    `common` has the fields that options set for all variants; `only` has the names of the variants
+    to keep, empty: all.
+
+    Raises:
+        ConfigError: the file, the list, a field or a name is not as expected, or an option would
+            change a field that defines a variant.
+    """
+    try:
+        lists = parse(read_text(file), _LISTS, str(file))
+    except (OSError, UnicodeDecodeError) as error:
+        raise ConfigError(f"--lists {file}: expected a readable file, found: {error}.") from error
+    if name in PRESETS and name not in lists:
+        alone = Variant(name=name, why="the preset alone")
+        lists[name] = _List(why="the preset, once for each seed", base=name, variant=[alone])
+    if name not in lists:
+        raise ConfigError(
+            f"variants: expected one of the lists {', '.join(lists)} or of the presets "
+            f"{', '.join(PRESETS)}, found {name!r}."
+        )
+    found = lists[name]
+    names = [variant.name for variant in found.variant]
+    if repeated := sorted({each for each in names if names.count(each) > 1}):
+        raise ConfigError(f"{name}: expected every name once, found {', '.join(repeated)} again.")
+    if unknown := sorted(set(only) - set(names)):
+        raise ConfigError(
+            f"--only: expected names among {', '.join(names)}, found {', '.join(unknown)}."
+        )
+    budget = {field: getattr(PRESETS[found.budget or found.base], field) for field in BUDGET}
+    base = _changed(PRESETS[found.base], {**budget, **found.common}, name)
+    trainings, changes = [], dict[str, Any]()
+    for variant in found.variant:
+        where = f"{name}, variant {variant.name}"
+        changes = {**(changes if found.cumulative else {}), **variant.changes}
+        config = _changed(_changed(base, changes, where), common, name)
+        if only and variant.name not in only:
+            continue
+        if undone := sorted(changes.keys() & common.keys()):
+            raise ConfigError(
+                f"{where}: expected no option for a field that is set here, found "
+                f"{option((undone[0],))}. Leave it out."
+            )
+        trainings.append(Training(variant, config))
+    return f"{name}: {found.why}", trainings
+
+
+def _changed(base: TrainingConfig, changes: Mapping[str, Any], where: str) -> TrainingConfig:
     """The configuration with these fields changed; "none" stands for None.
 
     A field that does not exist or accept the value is a `ConfigError` that begins with `where`.
@@ -37,48 +127,3 @@ def changed(base: TrainingConfig, changes: Mapping[str, Any], where: str) -> Tra
         return TrainingConfig.model_validate({**base.model_dump(), **new})
     except ValidationError as error:
         raise ConfigError(f"{where}: {explain(error, dotted, TrainingConfig)}") from error
-
-
-def common_fields(common: TrainingConfig | None, instead: Mapping[str, str]) -> dict[str, Any]:
-    """Fields that the options set for all trainings; one thread each unless an option says more.
-
-    `instead` has the fields that are no option of this command, and what to use in their place;
-    one of them in `common` is a `ConfigError`.
-    """
-    fields = explicit_fields(common)
-    for name, place in instead.items():
-        if name in fields:
-            raise ConfigError(f"--{name}: expected {place} in its place, found {fields[name]!r}.")
-    # There are as many trainings as cores: a second thread would wait for another training.
-    return {"threads": 1, **fields}
-
-
-def read_toml(file: Path | None, shipped: str, option: str, form: TypeAdapter[T]) -> T:
-    """The checked content of a TOML file; None: of the file `shipped` in this package.
-
-    Raises:
-        ConfigError: the file cannot be read, or its content has another form.
-    """
-    where = file if file is not None else resources.files("offline.experiments") / shipped
-    try:
-        text = where.read_text(encoding="utf-8") if file is None else read_text(file)
-    except (OSError, UnicodeDecodeError) as error:
-        raise ConfigError(f"{option} {where}: expected a readable file, found: {error}.") from error
-    return parse(text, form, str(where))
-
-
-def require_consistent(
-    where: str, names: Sequence[str], fields: Collection[str], common: Collection[str]
-) -> None:
-    """Return if every name occurs once, and no option of `common` sets one of these fields.
-
-    Raises:
-        ConfigError: otherwise.
-    """
-    if repeated := sorted({name for name in names if names.count(name) > 1}):
-        raise ConfigError(f"{where}: expected every name once, found {', '.join(repeated)} again.")
-    if undone := sorted(set(fields) & set(common)):
-        raise ConfigError(
-            f"{where}: expected no option for a field that is set here, found "
-            f"{option((undone[0],))}. Leave it out."
-        )

@@ -78,9 +78,7 @@ def main(
     return _update_documents(root, results, check, console)
 
 
-def _measure(
-    results: Results, piece: str, again: bool, backend: Backend, console: Console
-) -> None:
+def _measure(results: Results, piece: str, again: bool, backend: Backend, console: Console) -> None:
     parts = list(PIECES[piece]())
     if again:
         results.keep(piece, ())  # when interrupted, the command without --again goes on

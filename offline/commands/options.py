@@ -6,7 +6,6 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from offline.campaign import Backend
 from offline.config import TrainingConfig
 from offline.data.variation import Variation
 from rt_controller.contract.errors import require_packages
@@ -34,9 +33,6 @@ DataFolder = Annotated[
     Path | None,
     Parameter(help="folder of the data set; default: one in the cache, which is printed"),
 ]
-
-
-THIS_MACHINE = Backend()
 
 
 def require_ready(json_file: Path | None) -> None:

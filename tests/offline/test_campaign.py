@@ -1,4 +1,4 @@
-"""Backends of joblib: a cluster gives every result, one that cannot work is refused."""
+"""Many tasks: every backend gives every result, and a stopped campaign goes on where it was."""
 
 import json
 import socket
@@ -6,20 +6,15 @@ import sys
 from importlib.util import find_spec
 
 import pytest
-from worker_tasks import square
+from worker_tasks import die, square
 
-from offline import cli
-from offline.data.generate import run_tasks
-from offline.experiments import backend as backend_module
-from offline.experiments.backend import Backend
+from offline import campaign, cli
+from offline.campaign import Backend, WorkersLostError, run_campaign, run_tasks
 from rt_controller.contract.errors import ConfigError, MissingExtraError
 
-SQUARES = {number: number * number for number in range(20)}
-
-
-def squares(backend: Backend) -> dict[int, int]:
-    with backend.active():
-        return dict(run_tasks(square, [(number,) for number in SQUARES]))
+TASKS = [(str(number), (number,)) for number in range(20)]
+SQUARES = {key: number * number for key, (number,) in TASKS}
+ALONE = Backend(jobs=1)
 
 
 @pytest.fixture
@@ -27,12 +22,12 @@ def rigs_in_workers(monkeypatch):
     monkeypatch.setenv("PYTHONPATH", ":".join(filter(None, sys.path)))
 
 
-@pytest.mark.parametrize("name", ["loky", "threading", "dask", "ray"])
+@pytest.mark.parametrize("name", ["loky", "dask", "ray"])
 def test_workers_of_this_machine_give_every_result(name, rigs_in_workers):
-    package = backend_module.CLUSTERS.get(name)
+    package = campaign.CLUSTERS.get(name)
     if package and find_spec(package) is None:
         pytest.skip(f"{package} is not installed")
-    assert squares(Backend(name, jobs=2)) == SQUARES
+    assert dict(run_campaign(square, TASKS, Backend(name, jobs=2), {}, None)) == SQUARES
 
 
 def test_cluster_at_an_address_gives_every_result(rigs_in_workers):
@@ -40,25 +35,60 @@ def test_cluster_at_an_address_gives_every_result(rigs_in_workers):
     with distributed.LocalCluster(
         n_workers=2, threads_per_worker=1, dashboard_address="127.0.0.1:0"
     ) as cluster:
-        address = cluster.scheduler_address.removeprefix("tcp://")
-        assert squares(Backend("dask", address)) == SQUARES
+        backend = Backend("dask", cluster.scheduler_address.removeprefix("tcp://"))
+        assert dict(run_campaign(square, TASKS, backend, {}, None)) == SQUARES
+
+
+def test_a_killed_campaign_goes_on_and_its_file_is_of_one_model(tmp_path):
+    file, made_with, asked = tmp_path / "results.jsonl", {"model": "a"}, []
+
+    def noted(number):
+        asked.append(number)
+        if len(asked) == 3:
+            raise KeyboardInterrupt
+        return square(number)
+
+    with pytest.raises(KeyboardInterrupt):
+        list(run_campaign(noted, TASKS, ALONE, made_with, file))
+    file.write_text(file.read_text() + '{"made_with_sha256": "', encoding="utf-8")
+    found = dict(run_campaign(noted, TASKS, ALONE, made_with, file))
+    assert (found, asked) == (SQUARES, [0, 1, 2, *range(2, 20)])
+    assert dict(run_campaign(noted, TASKS, ALONE, made_with, file)) == SQUARES
+    assert len(asked) == 21
+    for content in (file.read_text(), "{}\n", "text\n"):
+        file.write_text(content)
+        with pytest.raises(ConfigError, match=r"results\.jsonl.*Name another file"):
+            list(run_campaign(noted, TASKS, ALONE, {"model": "b"}, file))
+
+
+@pytest.mark.filterwarnings("ignore:.*have been cancelled")
+def test_tasks_in_order_may_have_no_end(rigs_in_workers):
+    def endless():
+        while True:
+            yield from TASKS
+
+    results = run_campaign(square, endless(), Backend(jobs=2), {}, None, in_order=True)
+    assert [next(results) for _ in TASKS] == [*SQUARES.items()]
+    results.close()
+
+
+def test_killed_worker_ends_with_an_error_that_names_lack_of_memory():
+    with pytest.raises(WorkersLostError, match="Look for lack of memory"):
+        list(run_tasks(die, TASKS, 2))
 
 
 @pytest.mark.parametrize("name", ["dask", "ray"])
 def test_address_without_a_listener_is_an_error(name, monkeypatch):
-    pytest.importorskip(backend_module.CLUSTERS[name])
-    monkeypatch.setattr(backend_module, "CONNECT_S", 0.5)
+    pytest.importorskip(campaign.CLUSTERS[name])
+    monkeypatch.setattr(campaign, "CONNECT_S", 0.5)
     with socket.socket() as unused:
         unused.bind(("127.0.0.1", 0))
         address = f"127.0.0.1:{unused.getsockname()[1]}"
-        with (
-            pytest.raises(ConfigError, match=r"cluster to answer.*Start it"),
-            Backend(name, address).active(),
-        ):
+        with pytest.raises(ConfigError, match="--address"), Backend(name, address).active():
             pytest.fail("no cluster is there")
 
 
-@pytest.mark.parametrize(("name", "package"), [("dask", "distributed"), ("ray", "ray")])
+@pytest.mark.parametrize(("name", "package"), campaign.CLUSTERS.items())
 def test_missing_package_is_an_error_with_the_line_that_installs_it(monkeypatch, name, package):
     monkeypatch.setitem(sys.modules, package, None)
     with (
@@ -69,24 +99,24 @@ def test_missing_package_is_an_error_with_the_line_that_installs_it(monkeypatch,
 
 
 @pytest.mark.parametrize(
-    ("arguments", "complaint"),
+    ("arguments", "option"),
     [
-        (("loky", "127.0.0.1:8786"), "expected --backend dask or ray"),
+        (("loky", "127.0.0.1:8786"), "--address"),
         (("loky", None, 0), "--jobs"),
         (("loky", None, -2), "--jobs"),
     ],
 )
-def test_contradictory_options_are_refused(arguments, complaint):
-    with pytest.raises(ConfigError, match=complaint):
+def test_contradictory_options_are_refused(arguments, option):
+    with pytest.raises(ConfigError, match=option):
         Backend(*arguments)
 
 
-def test_data_set_has_the_same_bytes_with_every_backend(tmp_path, monkeypatch):
+def test_data_set_has_the_same_bytes_with_every_number_of_processes(tmp_path, monkeypatch):
     monkeypatch.setattr("offline.data.generate.CHUNK_EPISODES", 2)  # five tasks instead of one
     hashes = set()
-    for where in (("--jobs", "1"), ("--jobs", "2"), ("--backend", "threading", "--jobs", "2")):
-        folder, figures = tmp_path / "-".join(where), tmp_path / "figures.json"
-        arguments = ["offline-data", "--episodes", "10", "--data", str(folder), *where]
+    for jobs in ("1", "2"):
+        folder, figures = tmp_path / jobs, tmp_path / "figures.json"
+        arguments = ["offline-data", "--episodes", "10", "--data", str(folder), "--jobs", jobs]
         monkeypatch.setattr(sys, "argv", [*arguments, "--json", str(figures)])
         with pytest.raises(SystemExit) as exit_info:
             cli.data_main()

@@ -1,16 +1,13 @@
 """The matrix of faults: its cases, its drives, its rules and its summary."""
 
 import json
+import re
 from pathlib import Path
 
 import pytest
 
-from rt_controller.contract.errors import ConfigError
-from rt_controller.contract.signals import Mode
-from rt_controller.model.artifact import find_model, load_bundle
-from rt_controller.model.bundle import Bundle
-from sim_bridge.faults.kinds import KINDS
-from sim_bridge.faults.matrix.cases import (
+from benchmarks.fault_matrix.__main__ import Task, app, sample_of
+from benchmarks.fault_matrix.cases import (
     CASES_FILE,
     CONDITIONS,
     SPEEDS_KMH,
@@ -18,10 +15,14 @@ from sim_bridge.faults.matrix.cases import (
     load_cases,
     whole_matrix,
 )
-from sim_bridge.faults.matrix.command import Task, fault_matrix, sample
-from sim_bridge.faults.matrix.drive import drive_case
-from sim_bridge.faults.matrix.row import MatrixRow, Observed, judge
-from sim_bridge.faults.matrix.summary import lines_of, summarise
+from benchmarks.fault_matrix.drive import drive_case
+from benchmarks.fault_matrix.summary import lines_of, summarise
+from benchmarks.fault_matrix.verdict import MatrixRow, Observed, judge
+from rt_controller.contract.errors import ConfigError
+from rt_controller.contract.signals import Mode
+from rt_controller.model.bundle import Bundle
+from rt_controller.terminal.command_line import run_command
+from sim_bridge.faults.kinds import KINDS
 
 CASES = {case.name: case for case in load_cases()}
 
@@ -63,7 +64,7 @@ def test_a_drive_is_followed_to_its_end(
 
 
 def test_a_car_with_a_late_steering_wheel_is_driven_to_the_end() -> None:
-    found = drive_case(CASES["steering_late_100ms"], 80.0, load_bundle(find_model(None)))
+    found = drive_case(CASES["steering_late_100ms"], 80.0, Bundle.load(None))
     assert (found.mode, found.safe_stop_ms) == ("NOMINAL", None)
     assert found.max_ey_m < 0.3
 
@@ -72,7 +73,7 @@ def test_a_car_with_a_late_steering_wheel_is_driven_to_the_end() -> None:
 def test_a_wheel_that_turns_to_the_wrong_side_is_detected_at_once_and_a_known_limit() -> None:
     cases = load_cases(CASES_FILE.with_name("manoeuvre_variants.toml"))
     (case,) = [each for each in cases if each.name == "steering_wrong_sign"]
-    found = drive_case(case, 60.0, load_bundle(find_model(None)))
+    found = drive_case(case, 60.0, Bundle.load(None))
     assert found.detect_ms is not None
     assert found.detect_ms <= 50.0
     assert (found.mode, found.ok, found.is_open) == ("SAFE_STOP", False, False)
@@ -91,24 +92,40 @@ def test_the_whole_matrix_has_every_drift_under_every_condition() -> None:
 
 
 def test_a_sample_has_every_kind_of_fault_and_every_condition() -> None:
-    found = sample([Task(case, speed, None) for case in whole_matrix() for speed in SPEEDS_KMH])
-    kinds = {str(fault["kind"]) for case, _, _ in found for fault in case.faults}
+    found = sample_of([Task(case, speed) for case in whole_matrix() for speed in SPEEDS_KMH])
+    kinds = {str(fault["kind"]) for case, _ in found for fault in case.faults}
     assert kinds == {str(fault["kind"]) for case in whole_matrix() for fault in case.faults}
-    assert {case.condition for case, _, _ in found} == {c.condition for c in whole_matrix()}
-    assert {speed for _, speed, _ in found} == set(SPEEDS_KMH)
+    assert {case.condition for case, _ in found} == {c.condition for c in whole_matrix()}
+    assert {speed for _, speed in found} == set(SPEEDS_KMH)
     assert len(found) <= 40
 
 
-def test_an_interrupted_matrix_goes_on_after_the_drives_of_its_file(tmp_path: Path) -> None:
+def run(*arguments: str) -> object:
+    with pytest.raises(SystemExit) as ended:
+        run_command(app, ("--model", "lti", "--speed-kmh", "60", "--jobs", "1", *arguments))
+    return ended.value.code
+
+
+def test_a_matrix_repeats_no_drive_of_its_file(tmp_path: Path) -> None:
     path, drives = tmp_path / "matrix.json", tmp_path / "drives.jsonl"
-    for names in (["none"], ["none", "none"]):
-        assert fault_matrix("lti", names, [60.0], 1, path, drives_file=drives) == 0
-    assert len(drives.read_text().splitlines()) == 1
+    for _ in range(2):
+        assert run("--only", "none", "--json", str(path), "--drives", str(drives)) == 0
+        assert len(drives.read_text().splitlines()) == 1
     written = json.loads(path.read_text())
     assert [row["fault"] for row in written["rows"]] == ["none"]
     assert written["summary"]["drives_ok"] == 1
-    with pytest.raises(ConfigError, match="expected drives of the model"):
-        fault_matrix(None, ["none"], [60.0], 1, path, drives_file=drives)
+
+
+GUIDE = (Path(__file__).parents[2] / "docs" / "faults.md").read_text(encoding="utf-8")
+
+
+def test_the_guide_has_every_figure_and_its_example_is_a_file_of_cases(tmp_path: Path) -> None:
+    for name in MatrixRow._fields:
+        assert re.search(rf"\b{name}\b", GUIDE), name
+    file = tmp_path / "cases.toml"
+    file.write_text(re.findall(r"```toml\n(.*?)```", GUIDE, re.DOTALL)[1], encoding="utf-8")
+    for case in load_cases(file):
+        assert case.scenario(60.0).faults or case.initial
 
 
 GOOD = Observed(Mode.NOMINAL, False, False, True, False, ey_m=0.1, speed_mps=20.0, wanted_mps=20.0)
@@ -198,26 +215,30 @@ def test_failures_false_alarms_and_harmful_checks_are_not_ok() -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "message"),
+    ("text", "field"),
     [
-        ("[a]\nvalue = 1\n", "a.faults: expected a value"),
-        ("[a]\nfaults = []\nmanoeuver = 1\n", "a.manoeuver: no such setting"),
-        ('[a]\nmanoeuvre = "slalon"\nfaults = []\n', "did you mean slalom"),
-        ("", "at least 1"),
-        (None, "expected a TOML file"),
+        ("[a]\nvalue = 1\n", "a.faults"),
+        ("[a]\nfaults = []\nmanoeuver = 1\n", "a.manoeuver"),
+        ('[a]\nmanoeuvre = "slalon"\nfaults = []\n', "a.manoeuvre"),
+        ("", ""),
+        (None, ""),
     ],
 )
-def test_a_file_without_cases_and_unknown_names_are_refused(
-    tmp_path: Path, text: str | None, message: str
-) -> None:
+def test_a_file_without_cases_is_refused(tmp_path: Path, text: str | None, field: str) -> None:
     path = tmp_path / "own.toml"
     if text is not None:
         path.write_text(text)
     with pytest.raises(ConfigError) as refused:
         load_cases(path)
     assert str(path) in str(refused.value)
-    assert message in str(refused.value)
-    with pytest.raises(ConfigError, match=r"--only: .*did you mean state_lost"):
-        fault_matrix("lti", ["state_lots"], [60.0], 1, None)
-    with pytest.raises(ConfigError, match=r"--conditions: .*did you mean wet_s_bend"):
-        fault_matrix("lti", ["none"], [60.0], 1, None, conditions=["wet_s_bent"])
+    assert field in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    "arguments", [("--only", "state_lots"), ("--conditions", "wet_s_bent"), ("--speed-kmh", "0")]
+)
+def test_unknown_names_and_speeds_are_refused(
+    arguments: tuple[str, str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(*arguments) == 2
+    assert arguments[0] in capsys.readouterr().err

@@ -4,7 +4,6 @@ import hashlib
 
 import numpy as np
 import pytest
-from worker_tasks import die, square
 
 from offline.config import PAST_STEPS
 from offline.data import generate as generate_module
@@ -15,13 +14,11 @@ from offline.data.generate import (
     LARGEST_SIDESLIP_RAD,
     LOWEST_SPEED_MPS,
     SLICES,
-    WorkersLostError,
     assemble,
     generate,
     is_kept,
     make_episode,
     plant_fingerprint,
-    run_tasks,
 )
 from offline.data.recipe import Recipe, draw_conditions
 from offline.data.recording import cut
@@ -132,20 +129,6 @@ def test_conditions_in_which_no_drive_is_kept_are_refused(monkeypatch):
     ice = Recipe(first_speed_mps=(35.0, 36.0), variation=Variation(friction=(0.1, 0.1)))
     with pytest.raises(DatasetError, match=r"friction_left 0\.1.*more friction"):
         make_episode(ice, np.random.SeedSequence(0))
-
-
-NUMBERS = [(number,) for number in range(20)]
-SQUARES = {number: number * number for (number,) in NUMBERS}
-
-
-@pytest.mark.parametrize("jobs", [1, 2])
-def test_every_task_gives_its_result_with_its_index(jobs):
-    assert dict(run_tasks(square, NUMBERS, jobs)) == SQUARES
-
-
-def test_killed_worker_ends_with_an_error_that_names_lack_of_memory():
-    with pytest.raises(WorkersLostError, match="Look for lack of memory"):
-        list(run_tasks(die, NUMBERS, 2))
 
 
 def test_data_and_rejections_depend_on_recipe_and_seed_and_not_on_the_number_of_processes():
