@@ -113,7 +113,7 @@ def main(
         for each in conditions(scenarios or (*shipped_scenarios(), *BENDS))
     )
     made_with = {"model_sha256": bundle.sha256}
-    results = run_campaign(measure, tasks, backend, made_with, drives, in_order=True)
+    results = run_campaign(measure, tasks, backend, drives, made_with, in_order=True)
     found, driven_h = list[DriveResult](), 0.0
     while driven_h < hours:
         each = _RESULT.validate_python(next(results)[1])

@@ -5,25 +5,23 @@ Results may be kept in a file of JSON lines: the same command then goes on after
 """
 
 import json
+import os
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeVar
+from typing import Annotated, Any, Literal
 
 from cyclopts import Parameter
 
 from rt_controller.contract.errors import ConfigError, RtControllerError, require_packages
-from rt_controller.contract.files import read_text, write_text
 
 BackendName = Literal["loky", "dask", "ray"]
 CLUSTERS = {"dask": "distributed", "ray": "ray"}
 """backends that accept an address, and the package that each needs"""
 CONNECT_S = 10.0
-Key = TypeVar("Key")
-Result = TypeVar("Result")
 
 
 @Parameter(name="*")
@@ -59,7 +57,7 @@ class Backend:
 
     @contextmanager
     def active(self) -> Iterator[None]:
-        """Context in which `run_tasks` sends its tasks to this backend.
+        """Context in which joblib sends its tasks to this backend.
 
         Raises:
             MissingExtraError: the package of the cluster is not installed.
@@ -113,36 +111,54 @@ class WorkersLostError(RtControllerError):
 def run_campaign(
     function: Callable[..., Any],
     tasks: Iterable[tuple[str, tuple[Any, ...]]],
-    backend: Backend,
-    made_with: Mapping[str, Any],
-    file: Path | None,
+    backend: Backend = THIS_MACHINE,
+    file: Path | None = None,
+    made_with: Mapping[str, Any] | None = None,
     in_order: bool = False,
 ) -> Generator[tuple[str, Any], None, None]:
     """Key and result of every task: all that the file has, then the others as they are finished.
 
     Args:
-        function: gives a result that JSON can hold; imported by the workers.
+        function: gives a result, one that JSON can hold if there is a file.
         tasks: key and arguments of each; there may be no end of them.
         backend: where they run.
-        made_with: what all results depend on beside the arguments, such as the hash of a model.
         file: gets a line for each result; None: nothing is kept.
+        made_with: what all results depend on beside the arguments, such as the hash of a model.
         in_order: results in the order of the tasks, for callers that stop after some of them.
 
     Raises:
         ConfigError: the file has results that were made with something else.
         WorkersLostError: a worker process died.
     """
-    made_with_sha256 = digest(made_with)
-    earlier = _read_results(file, made_with_sha256)
+    import joblib
+
+    common = digest(made_with)
+    earlier = _read_results(file, common)
     yield from earlier.items()
-    todo = (task for task in tasks if task[0] not in earlier)
-    with backend.active():
-        for key, result in run_tasks(function, todo, in_order=in_order):
-            if file is not None:
-                line = {"made_with_sha256": made_with_sha256, "key": key, "result": result}
-                with file.open("a", encoding="utf-8") as results:
-                    results.write(json.dumps(line) + "\n")
-            yield key, result
+    # Arguments travel as one tuple: joblib would store large ones on a single Dask worker.
+    calls = (
+        joblib.delayed(_run)(function, key, arguments)
+        for key, arguments in tasks
+        if key not in earlier
+    )
+    order = "generator" if in_order else "generator_unordered"
+    try:
+        with backend.active():
+            for key, result in joblib.Parallel(batch_size=1, return_as=order)(calls):
+                if file is not None:
+                    line = {"made_with_sha256": common, "key": key, "result": result}
+                    with file.open("a", encoding="utf-8") as results:
+                        results.write(json.dumps(line) + "\n")
+                yield key, result
+    except BrokenProcessPool as error:
+        raise WorkersLostError(
+            f"expected workers to finish their tasks, found that one died ({error}). Look for lack "
+            f"of memory, and run the command again: what is finished is kept."
+        ) from error
+
+
+def _run(function: Callable[..., Any], key: str, arguments: tuple[Any, ...]) -> tuple[str, Any]:
+    return key, function(*arguments)
 
 
 def digest(value: Any) -> str:
@@ -153,10 +169,10 @@ def digest(value: Any) -> str:
 def _read_results(file: Path | None, made_with_sha256: str) -> dict[str, Any]:
     if file is None or not file.exists():
         return {}
-    text = read_text(file)
+    text = file.read_text(encoding="utf-8")
     whole = text[: text.rfind("\n") + 1]
     if whole != text:  # killed while it wrote
-        write_text(file, whole)
+        os.truncate(file, len(whole.encode()))
     try:
         lines = [json.loads(line) for line in whole.splitlines()]
         is_same = all(line["made_with_sha256"] == made_with_sha256 for line in lines)
@@ -168,37 +184,3 @@ def _read_results(file: Path | None, made_with_sha256: str) -> dict[str, Any]:
             f"file, or delete this one."
         )
     return {line["key"]: line["result"] for line in lines}
-
-
-def run_tasks(
-    function: Callable[..., Result],
-    tasks: Iterable[tuple[Key, tuple[Any, ...]]],
-    jobs: int | None = None,
-    in_order: bool = False,
-) -> Iterator[tuple[Key, Result]]:
-    """Key of each task and the result of function(*arguments), by default as they are finished.
-
-    Number and place of the workers follow from the active joblib backend if `jobs` is None.
-
-    Raises:
-        WorkersLostError: a worker process died.
-    """
-    import joblib
-
-    order = "generator" if in_order else "generator_unordered"
-    parallel = joblib.Parallel(n_jobs=jobs, batch_size=1, return_as=order)
-    # Arguments travel as one tuple: joblib would store large ones on a single Dask worker.
-    calls = (joblib.delayed(_run)(function, key, arguments) for key, arguments in tasks)
-    try:
-        yield from parallel(calls)
-    except BrokenProcessPool as error:
-        raise WorkersLostError(
-            f"expected workers to finish their tasks, found that one died ({error}). Look for lack "
-            f"of memory, and run the command again: what is finished is kept."
-        ) from error
-
-
-def _run(
-    function: Callable[..., Result], key: Key, arguments: tuple[Any, ...]
-) -> tuple[Key, Result]:
-    return key, function(*arguments)

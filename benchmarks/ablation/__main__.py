@@ -28,7 +28,6 @@ from offline.commands.terminal import STDERR, STDOUT, progress_bar
 from offline.config import explicit_fields
 from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.figures import require_writable, write_figures
-from rt_controller.contract.files import write_text
 from rt_controller.report.table import NO_VALUE, Column, Table, format_number, to_markdown
 from rt_controller.terminal.command_line import run_command
 
@@ -108,7 +107,6 @@ def main(
         "seeds": [*dict.fromkeys(seeds)],
         **figures_of(title, shared, rows),
     }
-    write_text(folder / "table.md", markdown_of(figures))
     write_figures(json, figures)
     STDOUT.print(markdown_of(figures), soft_wrap=True, markup=False, highlight=False)
 
@@ -128,7 +126,7 @@ def run_all(
     made_with = {"data_sha256": data.sha256, "linear_mse": data.linear_mse}
     file, found = folder / "results.jsonl", dict[str, Result]()
     with progress_bar("trainings", len(tasks)) as show:
-        for key, fields in run_campaign(run_training, tasks.items(), backend, made_with, file):
+        for key, fields in run_campaign(run_training, tasks.items(), backend, file, made_with):
             found[key] = Result(**fields)
             show(len(tasks.keys() & found), f"{key}: {found[key].ending} {found[key].reason}")
     return [Row(each, found[key]) for key, each in zip(keys, trainings, strict=True)]
@@ -169,23 +167,17 @@ def figures_of(title: str, data: SharedData, rows: Sequence[Row]) -> dict[str, A
 
 
 def markdown_of(figures: Mapping[str, Any]) -> str:
-    """Three tables: pooled ratios of the variants, their changes, and all trainings."""
+    """Two tables: the ratios of the variants, pooled over the seeds, and those of each training."""
     variants, states = figures["variants"], figures["baseline_mse_si"]
     trainings = [{"name": v["name"], **each} for v in variants for each in v["trainings"]]
     mean, cost = "geometric_mean_ratio", "training_cpu_s"
-    pooled = ("name", mean, f"least_{mean}", f"most_{mean}", *states, "n_parameters", cost)
+    pooled = ("name", "changes", mean, f"least_{mean}", f"most_{mean}", *states, "n_parameters")
     single = ("name", "seed", "ending", *states, mean, "spectral_radius", "step", cost)
-    return "\n\n".join(
-        (
-            f"# {figures['title']}",
-            "Mean squared error over the horizon of the fair linear model, divided by that of the "
-            "variant, on the validation part: more is better. The geometric mean is over the "
-            "states, and the first table over all seeds.",
-            _table(pooled, variants),
-            _table(("name", "changes", "why", "n_steps", "n_trajectories_per_step"), variants),
-            _table(single, trainings) + "\n",
-        )
+    title = (
+        f"# {figures['title']}\n\nMean squared error of the fair linear model over that of the "
+        f"variant, on the validation part: more is better."
     )
+    return "\n\n".join((title, _table(pooled, variants), _table(single, trainings)))
 
 
 def _table(keys: Sequence[str], rows: Sequence[Mapping[str, Any]]) -> str:

@@ -103,7 +103,7 @@ def main(
     calls = {task.key: (*task, model) for task in tasks}
     done = {}
     with progress_bar("drives", len(calls)) as show:
-        for key, row in run_campaign(drive_task, calls.items(), backend, made_with, drives):
+        for key, row in run_campaign(drive_task, calls.items(), backend, drives, made_with):
             done[key] = MatrixRow(**row)
             show(len(calls.keys() & done), done[key].fault)
     rows = [done[task.key] for task in tasks]

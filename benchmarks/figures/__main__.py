@@ -4,7 +4,7 @@ A table stands between `<!-- figures: NAME -->` and `<!-- end -->`.
 """
 
 import re
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Mapping
 from operator import call
 from pathlib import Path
 from typing import Annotated
@@ -21,10 +21,8 @@ from rt_controller.contract.figures import require_writable, write_figures
 from rt_controller.model.artifact import SHIPPED_MODEL
 from rt_controller.terminal.command_line import run_command
 
-PIECES: dict[str, Callable[[], Iterable[Part]]] = {
-    "closed_loop": closed_loop.parts,
-}
-"""what is measured here; the pieces of `SOURCES` are imported"""
+MEASURED = "closed_loop"
+"""the piece that is measured here; those of `SOURCES` are imported"""
 ROOT = Path(__file__).parents[2]
 EXIT_DIFFERENT = 1
 SEVERAL = cyclopts.Parameter(consume_multiple=True, negative="")
@@ -35,7 +33,6 @@ app = cyclopts.App(name="python -m benchmarks.figures", version_flags=[])
 @app.default
 def main(
     *,
-    only: Annotated[tuple[str, ...], SEVERAL] = (),
     imports: Annotated[tuple[Path, ...], SEVERAL, cyclopts.Parameter(name="--import")] = (),
     again: Annotated[bool, cyclopts.Parameter(negative="")] = False,
     tables: Annotated[bool, cyclopts.Parameter(negative="")] = False,
@@ -51,48 +48,41 @@ def main(
     car, use --again.
 
     Args:
-        only: pieces to measure.
         imports: JSON files of offline-evaluate, benchmarks.fault_matrix and
             benchmarks.false_alarms, of the shipped models.
-        again: forget what the file has of these pieces, then measure.
+        again: forget the drives that the file has, then measure.
         tables: measure nothing, write the tables only.
         check: measure and write nothing; exit code 1 if a table is not that of the file, or the
             file is not of the shipped models.
         json: also write the results there.
     """
     require_writable(json)
-    unknown = set(only) - set(PIECES)
-    if unknown:
-        raise ConfigError(
-            f"--only: expected {', '.join(PIECES)}, found {', '.join(sorted(unknown))}."
-        )
     console = Console(stderr=True)
     results = Results(root / "docs" / "figures.json")
     for file in () if check else imports:
         piece, part = read_import(file)
         results.put(piece, part, part.measure())
     if not (tables or check):
-        for piece in only or PIECES:
-            _measure(results, piece, again, backend, console)
+        _measure(results, again, backend, console)
     write_figures(json, results.found)
     return _update_documents(root, results, check, console)
 
 
-def _measure(results: Results, piece: str, again: bool, backend: Backend, console: Console) -> None:
-    parts = list(PIECES[piece]())
+def _measure(results: Results, again: bool, backend: Backend, console: Console) -> None:
+    parts = list(closed_loop.parts())
     if again:
-        results.keep(piece, ())  # when interrupted, the command without --again goes on
-    missing = {part.name: part for part in results.missing(piece, parts)}
+        results.keep(MEASURED, ())  # when interrupted, the command without --again goes on
+    missing = {part.name: part for part in results.missing(MEASURED, parts)}
     tasks = [(name, (part.measure,)) for name, part in missing.items()]
-    found = run_campaign(call, tasks, backend, {}, None)  # the results file keeps them
+    found = run_campaign(call, tasks, backend)  # the results file keeps them
     for number, (name, figures) in enumerate(found, 1):
-        console.print(f"{piece} {number}/{len(missing)}: {name}", highlight=False)
-        results.put(piece, missing[name], figures)
-    results.keep(piece, [part.name for part in parts])
+        console.print(f"{number}/{len(missing)}: {name}", highlight=False)
+        results.put(MEASURED, missing[name], figures)
+    results.keep(MEASURED, [part.name for part in parts])
 
 
 def _update_documents(root: Path, results: Results, check: bool, console: Console) -> int:
-    pieces = {name: list(parts()) for name, parts in PIECES.items()}
+    pieces = {MEASURED: list(closed_loop.parts())}
     pieces |= {name: [Part("all", (SHIPPED_MODEL,), dict)] for name in SOURCES}
     outdated = [name for name in results.found if results.missing(name, pieces.get(name, []))]
     complete = results.found.keys() - set(outdated)

@@ -89,18 +89,14 @@ def _find_or_make(
     if exists(folder):
         return folder, load_dataset(folder)
     STDERR.print(f"making a data set of {episodes} episodes in {folder}", soft_wrap=True)
-    with (
-        stop_on_signals() as is_stopped,
-        backend.active(),
-        progress_bar("simulating", episodes) as show,
-    ):
+    with stop_on_signals() as is_stopped, progress_bar("simulating", episodes) as show:
 
         def on_progress(done: int) -> None:
             show(done, "")
             if is_stopped():
                 raise KeyboardInterrupt
 
-        return folder, make_dataset(folder, origin, on_progress=on_progress)
+        return folder, make_dataset(folder, origin, backend=backend, on_progress=on_progress)
 
 
 def require_origin(

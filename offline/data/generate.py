@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from offline.campaign import run_tasks
+from offline.campaign import THIS_MACHINE, Backend, run_campaign
 from offline.config import PAST_STEPS, PRESETS, STEPS
 from offline.data.dataset import Dataset, cache_folder, save_dataset, split_episodes, writable
 from offline.data.manifest import Roads, Simulated
@@ -104,23 +104,19 @@ def generate(
     recipe: Recipe,
     episodes: int,
     seed: int,
-    jobs: int | None = -1,
+    backend: Backend = THIS_MACHINE,
     on_progress: Callable[[int], None] = lambda done: None,
 ) -> Generated:
-    """`episodes` episodes, in order, made by `jobs` processes (-1: one per core).
-
-    With `jobs` None, the active joblib backend determines the number and place of the workers.
-    `on_progress` is called with the number of episodes made so far.
-    """
+    """`episodes` episodes; `on_progress` is called with the number of those made so far."""
     seeds = np.random.SeedSequence(seed).spawn(episodes)
     firsts = range(0, episodes, CHUNK_EPISODES)
-    tasks = [(recipe, seeds[first : first + CHUNK_EPISODES]) for first in firsts]
-    made: dict[int, list[Episode]] = {}
+    tasks = [(str(k), (recipe, seeds[k : k + CHUNK_EPISODES])) for k in firsts]
+    made: list[Episode] = []
     on_progress(0)
-    for task, chunk in run_tasks(_make_chunk, enumerate(tasks), jobs):
-        made[task] = chunk
-        on_progress(sum(map(len, made.values())))
-    return assemble([episode for _, chunk in sorted(made.items()) for episode in chunk])
+    for _, chunk in run_campaign(_make_chunk, tasks, backend, in_order=True):
+        made += chunk
+        on_progress(len(made))
+    return assemble(made)
 
 
 def make_episode(recipe: Recipe, seed: np.random.SeedSequence) -> Episode:
@@ -260,7 +256,7 @@ def make_dataset(
     folder: Path,
     origin: Simulated,
     part: NDArray[np.int8] | None = None,
-    jobs: int | None = None,
+    backend: Backend = THIS_MACHINE,
     on_progress: Callable[[int], None] = lambda done: None,
 ) -> Dataset:
     """A new data set of simulated episodes in that folder.
@@ -269,7 +265,7 @@ def make_dataset(
         folder: where it is written.
         origin: what it is made from.
         part: (E,) part of each episode, as in `Dataset`; None: drawn at random.
-        jobs: number of processes; None: the active joblib backend.
+        backend: where the episodes are made.
         on_progress: called with the number of episodes made so far.
 
     Raises:
@@ -280,7 +276,7 @@ def make_dataset(
         folder.mkdir(parents=True, exist_ok=True)
         with TemporaryFile(dir=folder):  # refused now, and not after the simulation
             pass
-    made = generate(recipe, episodes, seed, jobs, on_progress)
+    made = generate(recipe, episodes, seed, backend, on_progress)
     return save_dataset(
         folder,
         made.recording,

@@ -9,7 +9,7 @@ import pytest
 from worker_tasks import die, square
 
 from offline import campaign, cli
-from offline.campaign import Backend, WorkersLostError, run_campaign, run_tasks
+from offline.campaign import Backend, WorkersLostError, run_campaign
 from rt_controller.contract.errors import ConfigError, MissingExtraError
 
 TASKS = [(str(number), (number,)) for number in range(20)]
@@ -27,7 +27,7 @@ def test_workers_of_this_machine_give_every_result(name, rigs_in_workers):
     package = campaign.CLUSTERS.get(name)
     if package and find_spec(package) is None:
         pytest.skip(f"{package} is not installed")
-    assert dict(run_campaign(square, TASKS, Backend(name, jobs=2), {}, None)) == SQUARES
+    assert dict(run_campaign(square, TASKS, Backend(name, jobs=2))) == SQUARES
 
 
 def test_cluster_at_an_address_gives_every_result(rigs_in_workers):
@@ -36,7 +36,7 @@ def test_cluster_at_an_address_gives_every_result(rigs_in_workers):
         n_workers=2, threads_per_worker=1, dashboard_address="127.0.0.1:0"
     ) as cluster:
         backend = Backend("dask", cluster.scheduler_address.removeprefix("tcp://"))
-        assert dict(run_campaign(square, TASKS, backend, {}, None)) == SQUARES
+        assert dict(run_campaign(square, TASKS, backend)) == SQUARES
 
 
 def test_a_killed_campaign_goes_on_and_its_file_is_of_one_model(tmp_path):
@@ -49,16 +49,16 @@ def test_a_killed_campaign_goes_on_and_its_file_is_of_one_model(tmp_path):
         return square(number)
 
     with pytest.raises(KeyboardInterrupt):
-        list(run_campaign(noted, TASKS, ALONE, made_with, file))
+        list(run_campaign(noted, TASKS, ALONE, file, made_with))
     file.write_text(file.read_text() + '{"made_with_sha256": "', encoding="utf-8")
-    found = dict(run_campaign(noted, TASKS, ALONE, made_with, file))
+    found = dict(run_campaign(noted, TASKS, ALONE, file, made_with))
     assert (found, asked) == (SQUARES, [0, 1, 2, *range(2, 20)])
-    assert dict(run_campaign(noted, TASKS, ALONE, made_with, file)) == SQUARES
+    assert dict(run_campaign(noted, TASKS, ALONE, file, made_with)) == SQUARES
     assert len(asked) == 21
     for content in (file.read_text(), "{}\n", "text\n"):
         file.write_text(content)
         with pytest.raises(ConfigError, match=r"results\.jsonl.*Name another file"):
-            list(run_campaign(noted, TASKS, ALONE, {"model": "b"}, file))
+            list(run_campaign(noted, TASKS, ALONE, file, {"model": "b"}))
 
 
 @pytest.mark.filterwarnings("ignore:.*have been cancelled")
@@ -67,14 +67,14 @@ def test_tasks_in_order_may_have_no_end(rigs_in_workers):
         while True:
             yield from TASKS
 
-    results = run_campaign(square, endless(), Backend(jobs=2), {}, None, in_order=True)
+    results = run_campaign(square, endless(), Backend(jobs=2), in_order=True)
     assert [next(results) for _ in TASKS] == [*SQUARES.items()]
     results.close()
 
 
 def test_killed_worker_ends_with_an_error_that_names_lack_of_memory():
     with pytest.raises(WorkersLostError, match="Look for lack of memory"):
-        list(run_tasks(die, TASKS, 2))
+        list(run_campaign(die, TASKS, Backend(jobs=2)))
 
 
 @pytest.mark.parametrize("name", ["dask", "ray"])

@@ -15,6 +15,7 @@ from rt_controller import simulate
 from rt_controller.contract.errors import ConfigError
 from rt_controller.terminal.command_line import run_command
 
+NAMES = [each.name for each in closed_loop.parts()]
 DRIVE = {"ey_rms_m": 0.0164, "ey_peak_m": 0.0436, "stop_s": None}
 MARKER = "Before.\n\n<!-- figures: lateral_error -->\n<!-- end -->\n\nAfter.\n"
 
@@ -33,8 +34,7 @@ def drive_parts(measured: list[str], failing: str = "") -> list[Part]:
 
         return Part(name, ("lti",), measure)
 
-    names = [each.name for each in closed_loop.parts()]
-    return [part(name) for name in names]
+    return [part(name) for name in NAMES]
 
 
 def run(root: Path, *options: str) -> int:
@@ -54,7 +54,7 @@ def root(tmp_path: Path) -> Path:
 @pytest.fixture
 def measured(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     names: list[str] = []
-    monkeypatch.setattr(figures, "PIECES", {"closed_loop": lambda: drive_parts(names)})
+    monkeypatch.setattr(closed_loop, "parts", lambda: drive_parts(names))
     return names
 
 
@@ -76,17 +76,15 @@ def test_a_table_is_made_between_its_markers_and_a_changed_number_is_found(
 def test_a_stopped_run_goes_on_where_it_was(
     root: Path, measured: list[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    names = [part.name for part in drive_parts([])]
-    stopped = {"closed_loop": lambda: drive_parts(measured, failing=names[2])}
     with monkeypatch.context() as patched:
-        patched.setattr(figures, "PIECES", stopped)
+        patched.setattr(closed_loop, "parts", lambda: drive_parts(measured, failing=NAMES[2]))
         assert run(root) == 130
     assert (root / "README.md").read_text() == MARKER
     assert run(root, "--check") == 1
     assert run(root) == 0
-    assert measured == names
+    assert measured == NAMES
     assert run(root, "--again") == 0
-    assert measured == names * 2
+    assert measured == NAMES * 2
 
 
 def test_a_part_of_another_model_is_missing(tmp_path: Path) -> None:
