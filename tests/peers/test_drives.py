@@ -39,7 +39,7 @@ def driven_run(
     return cadence.CadenceRun(summary, ticks)
 
 
-def test_figures_are_of_all_ticks_of_all_drives() -> None:
+def test_figures_are_of_all_ticks_of_all_drives():
     found = cadence.aggregate(
         [
             driven_run("SAFE_STOPPED", 1, 90_000.0, [100.0] * 30),
@@ -80,13 +80,13 @@ def driven(unchecked_m: float | None, *failed: str, progress_m: float = 0.0) -> 
     ids=["no check failed", "keeps its path", "leaves its path", "unchecked drive had no end"],
 )
 def test_a_stop_is_right_if_the_car_leaves_its_path_without_checks_too(
-    result: DriveResult, false_checks: tuple[str, ...], is_lost: bool
-) -> None:
+    result, false_checks, is_lost
+):
     assert result.false_checks == false_checks
     assert result.has_lost_path is is_lost
 
 
-def test_cars_that_lose_their_path_are_counted_apart() -> None:
+def test_cars_that_lose_their_path_are_counted_apart():
     drives = [driven(None, progress_m=0.005), driven(3.0, "progress", progress_m=1.0)]
     drives += [driven(0.1, "progress", progress_m=0.03)]
     figures = figures_of(drives)
