@@ -48,7 +48,7 @@ def test_every_case_is_a_scenario_with_its_faults(file, least):
         ("lti", 60.0, "none", "NOMINAL", None, False),
         ("lti", 60.0, "state_lost", "SAFE_STOP", 0.0, True),
         ("lti", 60.0, "mission_ends_falsely", "ENDED", 250.0, True),  # the car is followed alone
-        ("mdk-net", 80.0, "steering_late_100ms", "NOMINAL", None, False),
+        ("mdk-net", 80.0, "steering_late_100ms", "NOMINAL", 75.0, False),
     ],
 )
 def test_a_drive_is_followed_to_its_end(model, speed_kmh, name, mode, detect_ms, is_at_rest):
