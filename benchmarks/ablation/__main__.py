@@ -77,7 +77,8 @@ def main(
     require_writable(json)
     common = explicit_fields(config)
     for name in INSTEAD.keys() & common.keys():
-        raise ConfigError(f"--{name}: expected {INSTEAD[name]} in its place, found it.")
+        found = common[name]
+        raise ConfigError(f"--{name}: expected {INSTEAD[name]} in its place, found {found!r}.")
     # There are as many trainings as cores: a second thread would wait for another training.
     title, chosen = read_variants(variants, lists, {"threads": 1, **common}, only)
     folder = (folder or RUNS / f"ablation-{variants}").resolve()
@@ -92,11 +93,12 @@ def main(
     of_data = config_of_data(data_folder, dataset.origin, chosen[0].config, config)
     with STDERR.status("fair linear model"):
         shared = measure_linear_model(data_folder, dataset)
+    numbers = list(dict.fromkeys(seeds))
     fields = {name: getattr(of_data, name) for name in OF_DATA}
     trainings = [
         each._replace(config=each.config.model_copy(update={**fields, "seed": seed}))
         for each in chosen
-        for seed in dict.fromkeys(seeds)
+        for seed in numbers
     ]
     STDERR.print(f"{title}\nfolder {folder}\ndata {shared.folder}", soft_wrap=True, markup=False)
     rows = run_all(trainings, shared, folder, backend)
@@ -104,7 +106,7 @@ def main(
         "list": variants,
         "folder": str(folder),
         "data_sha256": shared.sha256,
-        "seeds": [*dict.fromkeys(seeds)],
+        "seeds": numbers,
         **figures_of(title, shared, rows),
     }
     write_figures(json, figures)
@@ -123,7 +125,7 @@ def run_all(
     keys = [f"{each.folder} {_digest_of(each):.16}" for each in trainings]
     arguments = [(folder / each.folder, each.config, data) for each in trainings]
     tasks = dict(zip(keys, arguments, strict=True))
-    made_with = {"data_sha256": data.sha256, "linear_mse": data.linear_mse}
+    made_with = {"data_sha256": data.sha256}
     file, found = folder / "results.jsonl", dict[str, Result]()
     with progress_bar("trainings", len(tasks)) as show:
         for key, fields in run_campaign(run_training, tasks.items(), backend, file, made_with):
