@@ -44,6 +44,13 @@ NOT_LEARNED = {"preset", "threads"}
 LISTS = ("ladder", "leave-one-out", "paper-readings")
 
 
+@pytest.fixture(scope="module", autouse=True)
+def empty_cache(tmp_path_factory):
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("XDG_CACHE_HOME", str(tmp_path_factory.mktemp("cache")))
+        yield
+
+
 def differences(one: TrainingConfig, other: TrainingConfig) -> set[str]:
     fields = set(TrainingConfig.model_fields) - NOT_LEARNED
     return {name for name in fields if getattr(one, name) != getattr(other, name)}
@@ -98,18 +105,18 @@ def test_options_hold_for_all_variants_and_a_preset_is_a_list_of_one():
     assert alone == PRESETS["linear"].model_copy(update={"steps": 7})
 
 
-LIST = '[mine]\nwhy = "w"\nbase = "{base}"\n'
-VARIANT = '[[mine.variant]]\nname = "{name}"\nwhy = "w"\nchanges = {{ {changes} }}\n'
+LIST = '[mine]\nwhy = "w"\nbase = "paper"\n'
 
 
-BASE = LIST.format(base="paper")
+def variant(name: str, changes: str = "") -> str:
+    return f'[[mine.variant]]\nname = "{name}"\nwhy = "w"\nchanges = {{ {changes} }}\n'
 
 
 def test_text_none_in_the_file_is_no_value(tmp_path):
     file = tmp_path / "lists.toml"
-    file.write_text(BASE + VARIANT.format(name="a", changes='gradient_clip = "none"'))
-    (variant,) = read_variants("mine", file, {})[1]
-    assert variant.config.gradient_clip is None
+    file.write_text(LIST + variant("a", 'gradient_clip = "none"'))
+    (found,) = read_variants("mine", file, {})[1]
+    assert found.config.gradient_clip is None
 
 
 @pytest.mark.parametrize(
@@ -118,12 +125,12 @@ def test_text_none_in_the_file_is_no_value(tmp_path):
         ("", "mine"),
         ("mine = 3", "mine"),
         ("[mine", "lists.toml"),
-        (LIST.format(base="papre") + VARIANT.format(name="a", changes=""), "papre"),
-        (BASE, "mine.variant"),
-        (BASE + VARIANT.format(name="A b", changes=""), "A b"),
-        (BASE + 2 * VARIANT.format(name="a", changes=""), "a again"),
-        (BASE + VARIANT.format(name="a", changes="latnets = 3"), "variant a: latnets"),
-        (BASE + VARIANT.format(name="a", changes="latents = -3"), "variant a: latents"),
+        (LIST.replace("paper", "papre") + variant("a"), "papre"),
+        (LIST, "mine.variant"),
+        (LIST + variant("A b"), "A b"),
+        (LIST + 2 * variant("a"), "a again"),
+        (LIST + variant("a", "latnets = 3"), "variant a: latnets"),
+        (LIST + variant("a", "latents = -3"), "variant a: latents"),
     ],
 )
 def test_mistake_in_the_file_is_reported(tmp_path, text, field):
@@ -202,21 +209,34 @@ def test_checkpoint_has_the_errors_of_the_bundle_that_is_exported_from_it(
     assert checkpoint_mse(checkpoint, toy_dataset) == pytest.approx(exported, rel=1e-4)
 
 
-_LIST = """
-[{name}]
+TINY = """
+[tiny]
 why = "small enough for a test"
 base = "recommended"
-common = {{ steps = 12, batch = 8, hidden = [8], latents = 4, stability = "gelfand", {common} }}
+[tiny.common]
+steps = 12
+batch = 8
+evaluate_every = 5
+hidden = [8]
+latents = 4
+history_steps = 3
+stability = "gelfand"
+[[tiny.variant]]
+name = "whole"
+why = "nothing left out"
+[[tiny.variant]]
+name = "without-bilinear"
+why = "a constant B"
+changes = { bilinear_rank = 0 }
+[wild]
+why = "it diverges"
+base = "recommended"
+common = { steps = 12, batch = 8, evaluate_every = 5, hidden = [8], latents = 4 }
+[[wild.variant]]
+name = "too-fast"
+why = "a learning rate that diverges"
+changes = { learning_rate = 1e30, gradient_clip = "none" }
 """
-TINY = (
-    _LIST.format(name="tiny", common="evaluate_every = 5, history_steps = 3")
-    + VARIANT.format(name="whole", changes="").replace("mine", "tiny")
-    + VARIANT.format(name="without-bilinear", changes="bilinear_rank = 0").replace("mine", "tiny")
-    + _LIST.format(name="wild", common="evaluate_every = 5")
-    + VARIANT.format(
-        name="too-fast", changes='learning_rate = 1e30, gradient_clip = "none"'
-    ).replace("mine", "wild")
-)
 
 
 def histories(folder: Path) -> dict[str, bytes]:
@@ -225,7 +245,7 @@ def histories(folder: Path) -> dict[str, bytes]:
     return {str(file.relative_to(folder)): file.read_bytes() for file in found}
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def ablate(tmp_path_factory, toy_folder):
     """Runs the command on the toy data set, and gives its exit code."""
     lists = tmp_path_factory.mktemp("lists") / "lists.toml"
