@@ -209,33 +209,21 @@ def test_checkpoint_has_the_errors_of_the_bundle_that_is_exported_from_it(
     assert checkpoint_mse(checkpoint, toy_dataset) == pytest.approx(exported, rel=1e-4)
 
 
-TINY = """
+SMALL = "steps = 12, batch = 8, evaluate_every = 5, hidden = [8], latents = 4"
+TINY = f"""
 [tiny]
 why = "small enough for a test"
 base = "recommended"
-[tiny.common]
-steps = 12
-batch = 8
-evaluate_every = 5
-hidden = [8]
-latents = 4
-history_steps = 3
-stability = "gelfand"
-[[tiny.variant]]
-name = "whole"
-why = "nothing left out"
-[[tiny.variant]]
-name = "without-bilinear"
-why = "a constant B"
-changes = { bilinear_rank = 0 }
+common = {{ {SMALL}, history_steps = 3, stability = "gelfand" }}
+variant = [
+  {{ name = "whole", why = "nothing left out" }},
+  {{ name = "without-bilinear", why = "a constant B", changes = {{ bilinear_rank = 0 }} }},
+]
 [wild]
 why = "it diverges"
 base = "recommended"
-common = { steps = 12, batch = 8, evaluate_every = 5, hidden = [8], latents = 4 }
-[[wild.variant]]
-name = "too-fast"
-why = "a learning rate that diverges"
-changes = { learning_rate = 1e30, gradient_clip = "none" }
+common = {{ {SMALL}, learning_rate = 1e30, gradient_clip = "none" }}
+variant = [{{ name = "too-fast", why = "a learning rate that diverges" }}]
 """
 
 
