@@ -12,11 +12,10 @@ from typing import Annotated, Literal
 from cyclopts import Parameter
 from pydantic import Field
 
-from offline.commands.ablation import ablate
+from offline.campaign import THIS_MACHINE, Backend
 from offline.commands.options import (
     LATEST_RUN,
     RUNS,
-    THIS_MACHINE,
     Config,
     DataFolder,
     EvaluationOptions,
@@ -26,7 +25,6 @@ from offline.commands.options import (
 )
 from offline.config import PRESETS
 from offline.data.variation import RecipeName, choose_variation
-from offline.experiments.backend import Backend
 from rt_controller.contract.errors import ConfigError, require_packages
 from rt_controller.contract.figures import require_writable, write_figures
 from rt_controller.terminal.command_line import new_app, run_command
@@ -34,7 +32,7 @@ from sim_bridge.plant.shipped_cars import DEFAULT_CAR
 
 LEAST_EPISODES = 10
 HELD_OUT = EvaluationOptions()
-_MAIN_OPTIONS = "VARIANTS preset steps seed seeds only folder data resume runs init json"
+_MAIN_OPTIONS = "preset steps seed data resume runs init json"
 _TRAINING = {
     "Main options": _MAIN_OPTIONS,
     "Data": "episodes data-seed windows rare-share near-roads mirror noise",
@@ -46,9 +44,9 @@ _TRAINING = {
     "Model": "activation hidden latents latents-start constant-observable lift-exogenous products "
     "history-steps separate-motion bilinear-rank "
     "saturating-gains drift-rank bilinear-follows",
-    "Machine and campaign": "threads device backend address jobs lists",
+    "Machine": "threads device backend address jobs",
 }
-"""options of offline-train, and of the commands that train many models, by group"""
+"""options of offline-train by group"""
 
 data_app = new_app("offline-data", "Make the data set: episodes of the simulated car.")
 import_app = new_app(
@@ -75,12 +73,6 @@ replay_app = new_app(
     "its other signals are from the recorded ones. Nothing is judged. docs/validation.md has the "
     "names of columns.",
     "LOGS",
-)
-ablate_app = new_app(
-    "offline-ablate",
-    "Train variants of a model on the same data, and compare them.",
-    "[VARIANTS]",
-    _TRAINING,
 )
 
 
@@ -284,8 +276,6 @@ def replay(
     write_figures(json_file, figures)
 
 
-ablate_app.default(ablate)
-
 data_main = partial(run_command, data_app)
 import_main = partial(run_command, import_app)
 train_main = partial(run_command, train_app)
@@ -293,4 +283,3 @@ export_main = partial(run_command, export_app)
 evaluate_main = partial(run_command, evaluate_app)
 report_main = partial(run_command, report_app)
 replay_main = partial(run_command, replay_app)
-ablate_main = partial(run_command, ablate_app)

@@ -158,7 +158,7 @@ class ControllerSession:
         self.stop_values: tuple[float, ...] = ()
         """of the checks, by `Quantity`, in the tick in which the last safe stop began"""
         self.observe: Callable[[ControllerSession], None] = lambda session: None
-        """called after each tick"""
+        """called after each tick; `record` has its result, `supervisor` the values of its checks"""
         self._request = StopRequest()
         self._thread: Thread | None = None
         self._receive_failures = 0
@@ -176,7 +176,7 @@ class ControllerSession:
             )
             if self.recorder is not None:
                 opened.callback(self.recorder.close)
-            self.inbox, self.outbox, self._step, self._supervisor = build_node(
+            self.inbox, self.outbox, self._step, self.supervisor = build_node(
                 self._bus,
                 config,
                 bundle,
@@ -202,11 +202,6 @@ class ControllerSession:
         )
         self._thread.start()
         return self._thread
-
-    @property
-    def checks(self) -> Sequence[Check]:
-        """Of plausibility, with the thresholds of the model's car."""
-        return self._supervisor.checks
 
     @property
     def stop_requests(self) -> int:
@@ -244,7 +239,7 @@ class ControllerSession:
     def _after_tick(self, tick: FinishedTick) -> None:
         self.observe(self)
         if tick.number == self.record.stop_tick:
-            self.stop_values = tuple(self._supervisor.values)
+            self.stop_values = tuple(self.supervisor.values)
         recorder, failures = self.recorder, self.inbox.counts.receive_failures
         if recorder is None:
             return

@@ -6,11 +6,11 @@ from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from benchmarks.fault_matrix.summary import MatrixSummary, lines_of
 from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.figures import write_figures
 from rt_controller.model.artifact import SHIPPED_MODEL, shipped_model
 from rt_controller.model.bundle import Bundle
-from sim_bridge.faults.matrix.summary import MatrixSummary, lines_of
 
 Figures = dict[str, Any]
 """numbers by name; each name ends in its unit"""

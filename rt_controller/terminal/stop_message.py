@@ -57,7 +57,7 @@ def failed_checks(session: ControllerSession) -> list[Margin]:
     fault was its cause."""
     if not session.stop_values or not session.record.result.cause.is_of_checks:
         return []
-    return exceeded(plausibility_margins(session.stop_values, session.checks))
+    return exceeded(plausibility_margins(session.stop_values, session.supervisor.checks))
 
 
 def begin_of_stop(session: ControllerSession) -> str:

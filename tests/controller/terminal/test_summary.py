@@ -259,7 +259,8 @@ def stopped(cause: StopCause) -> ControllerSession:
     values = [NOT_COMPUTED] * len(Quantity)
     values[Quantity.BRAKE_N] = 15.0
     record = SimpleNamespace(stop_tick=184, stop_s=4.6, result=Tick(cause=cause))
-    session = SimpleNamespace(stop_values=values, checks=CHECKS, record=record)
+    supervisor = SimpleNamespace(checks=CHECKS)
+    session = SimpleNamespace(stop_values=values, supervisor=supervisor, record=record)
     return cast("ControllerSession", session)
 
 

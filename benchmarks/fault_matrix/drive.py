@@ -1,13 +1,14 @@
-"""One drive of the matrix, in simulated time: controller and car over a virtual bus.
-
-The only module of the simulation that imports the controller as a whole.
-"""
+"""One drive of the matrix, in simulated time: controller and car over a virtual bus."""
 
 from contextlib import closing, suppress
+from functools import cache
 from itertools import count
+from typing import Any
 
 from threadpoolctl import threadpool_limits
 
+from benchmarks.fault_matrix.cases import Case
+from benchmarks.fault_matrix.verdict import AT_REST_MPS, LARGEST_LOSS_M, MatrixRow, Observed, judge
 from rt_controller.config import ControllerConfig
 from rt_controller.contract.errors import RtControllerError
 from rt_controller.contract.timing import PERIOD_NS, PERIOD_S
@@ -18,8 +19,6 @@ from rt_controller.safety.checks import CHECKS
 from rt_controller.session import ControllerSession
 from rt_controller.settings import VIRTUAL, BusSettings
 from sim_bridge.bridge import Bridge
-from sim_bridge.faults.matrix.cases import Case
-from sim_bridge.faults.matrix.row import AT_REST_MPS, LARGEST_LOSS_M, MatrixRow, Observed, judge
 from sim_bridge.session import open_session
 
 LONGEST_TICKS = round(25.0 / PERIOD_S)
@@ -84,6 +83,14 @@ class _Observer:
                 wanted_mps=truth.wanted_mps,
             )
         )
+
+
+def drive_task(case: Case, speed_kmh: float, model: str | None) -> dict[str, Any]:
+    """The fields of the row of a drive."""
+    return drive_case(case, speed_kmh, _bundle(model))._asdict()
+
+
+_bundle = cache(Bundle.load)
 
 
 def drive_case(case: Case, speed_kmh: float, bundle: Bundle) -> MatrixRow:

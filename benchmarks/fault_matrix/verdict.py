@@ -4,9 +4,9 @@ from collections.abc import Iterable, Sequence
 from itertools import groupby
 from typing import NamedTuple
 
+from benchmarks.fault_matrix.cases import Case
 from rt_controller.contract.signals import Mode
 from rt_controller.contract.timing import PERIOD_MS, PERIOD_S
-from sim_bridge.faults.matrix.cases import Case
 from sim_bridge.scenario.limits import KMH_PER_MPS
 
 DETECTED_WITHIN_MS = 500.0
@@ -61,7 +61,7 @@ class MatrixRow(NamedTuple):
     safe_stop_ms: float | None  # to the safe stop of the controller; None: there was none
     vehicle_braking_ms: float | None  # to the braking of the vehicle by itself
     manoeuvre: str
-    reasons: tuple[str, ...]  # why it is not ok
+    reasons: Sequence[str]  # why it is not ok
     known_limit: str  # why no reaction keeps the car on its lane; "" where one does
     is_fault_free: bool = False
     condition: str = ""  # of `conditions.toml`

@@ -3,7 +3,6 @@
 import tomllib
 from collections.abc import Callable
 from functools import partial
-from importlib import resources
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -112,14 +111,15 @@ class Case(FileTable):
 
 
 _CASES: TypeAdapter[dict[str, Case]] = TypeAdapter(Annotated[dict[str, Case], Field(min_length=1)])
-_FOLDER = Path(str(resources.files("sim_bridge.faults.matrix")))
-CASES_FILE = _FOLDER / "cases.toml"
-CONDITIONS: dict[str, Content] = tomllib.loads(read_text(_FOLDER / "conditions.toml"))
+CASES_FILE, CONDITIONS_FILE, _DRIFTS_FILE = (
+    Path(__file__).with_name(f"{name}.toml") for name in ("cases", "conditions", "drifts")
+)
+CONDITIONS: dict[str, Content] = tomllib.loads(read_text(CONDITIONS_FILE))
 
 
 def whole_matrix() -> list[Case]:
     """The cases of `cases.toml` as they are, and those of `drifts.toml` under each condition."""
-    drifts = load_cases(_FOLDER / "drifts.toml")
+    drifts = load_cases(_DRIFTS_FILE)
     return [*load_cases(), *(case.under(name) for name in CONDITIONS for case in drifts)]
 
 

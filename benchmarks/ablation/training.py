@@ -1,22 +1,19 @@
-"""One training of a comparison, and its errors as ratios to those of a linear model.
+"""One training, and its errors as ratios to those of a linear model.
 
-Its folder has its run and, once it ended, its result. The task may run in any process and on any
-machine that has the folder. A network is evaluated from its checkpoint, because exporting a bundle
-takes seconds.
+The task may run in any process and on any machine that has the folder. A network is evaluated from
+its checkpoint, because exporting a bundle takes seconds.
 """
 
-import threading
 import time
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
 from datetime import datetime
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, ClassVar, Literal
+from typing import Any, Literal
 
 import numpy as np
 import torch
-from pydantic import ConfigDict, TypeAdapter
 
 from offline.baselines import registry
 from offline.config import TrainingConfig
@@ -25,34 +22,23 @@ from offline.data.sampling import scale
 from offline.evaluation import metrics
 from offline.evaluation.comparison import LTI_BASELINES
 from offline.evaluation.predictor import Predictor, prediction_errors
-from offline.files import write_json
 from offline.model.export_checks import limits_of
 from offline.model.losses import state_errors
 from offline.model.stability import driven_radius
 from offline.training.optimizer import is_evaluated
-from offline.training.run import (
-    LATEST_LINK,
-    Checkpoint,
-    create_run,
-    load_checkpoint,
-    open_run,
-    restore_model,
-)
+from offline.training.run import Checkpoint, create_run, load_checkpoint, restore_model
 from offline.training.state import TrainingDivergedError, TrainingState
 from offline.training.train import train
 from rt_controller.contract.arrays import Array
-from rt_controller.contract.errors import ConfigError, DatasetError
+from rt_controller.contract.errors import DatasetError
 
 CHUNK = 2_000
 """trajectories predicted at once, to limit the memory"""
-RESULT_FILE = "result.json"
-_ONE_TRAINING = threading.Lock()
-"""torch has one random generator and one number of threads per process"""
 
 
 @dataclass(frozen=True, slots=True)
-class CampaignData:
-    """The data set and the errors of the linear model that all trainings of a command share."""
+class SharedData:
+    """The data set of all trainings, and the errors of the linear model on it."""
 
     folder: Path
     sha256: str
@@ -69,8 +55,6 @@ class CampaignData:
 class Result:
     """How a training ended."""
 
-    __pydantic_config__: ClassVar = ConfigDict(extra="forbid")
-
     ending: Literal["finished", "diverged", "refused"]
     """diverged: the loss is not finite; refused: the model cannot be exported"""
     step: int
@@ -80,7 +64,7 @@ class Result:
     reason: str = ""
     """why there are no ratios"""
     mse_ratio: dict[str, float] | None = None
-    """by state, on the validation part, as `CampaignData.ratios`"""
+    """by state, on the validation part, as `SharedData.ratios`"""
     geometric_mean_ratio: float | None = None
     spectral_radius: float | None = None
     """the largest under inputs within their bounds"""
@@ -119,7 +103,7 @@ def _finite(errors: Array) -> Array:
     return np.where(np.isfinite(errors), errors, np.inf)
 
 
-def measure_linear_model(folder: Path, dataset: Dataset) -> CampaignData:
+def measure_linear_model(folder: Path, dataset: Dataset) -> SharedData:
     """The data set in that folder with the errors of the fair linear model.
 
     In each state, those of the better of one model for all roads and one for each curvature.
@@ -131,62 +115,15 @@ def measure_linear_model(folder: Path, dataset: Dataset) -> CampaignData:
     )
     errors = np.min([mean_squared_errors(model, dataset) for model in fitted], axis=0)
     by_state = dict(zip(dataset.schema.state_names, map(float, errors), strict=True))
-    return CampaignData(folder.resolve(), dataset.sha256, by_state)
+    return SharedData(folder.resolve(), dataset.sha256, by_state)
 
 
-def make_folder(folder: Path) -> None:
-    """Make the folder of a command; `ConfigError` if it cannot be made."""
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise ConfigError(
-            f"--folder {folder}: expected a writable folder, found: {error.strerror}. Choose "
-            f"another --folder."
-        ) from error
+def run_training(folder: Path, config: TrainingConfig, data: SharedData) -> dict[str, Any]:
+    """The fields of the `Result` of a training with a new run in that folder."""
+    return asdict(_train(folder, config, data))
 
 
-def run_training(folder: Path, config: TrainingConfig, data: CampaignData) -> Result:
-    """The result of the training in that folder, read if it has ended before."""
-    result = load_result(folder, config, data)
-    if result is None:
-        with _ONE_TRAINING:
-            result = _train(folder, config, data)
-        write_json(folder / RESULT_FILE, asdict(result))
-    return result
-
-
-def load_result(folder: Path, config: TrainingConfig, data: CampaignData) -> Result | None:
-    """The result in the folder of a training, None: it has not ended.
-
-    Raises:
-        ConfigError: it is of another configuration or other data, or the file has other content.
-    """
-    file = folder / RESULT_FILE
-    if not file.exists():
-        return None
-    try:
-        result = TypeAdapter(Result).validate_json(file.read_bytes())
-    except ValueError as error:
-        raise ConfigError(
-            f"{file}: expected the result of a training, found something else ({error}). Delete "
-            f"it, and train again."
-        ) from error
-    run = open_run(folder / LATEST_LINK)
-    found = {**run.config.model_dump(), "data set": run.data_sha256}
-    require_same(folder, {**config.model_dump(), "data set": data.sha256}, found)
-    return result
-
-
-def require_same(folder: Path, expected: Mapping[str, Any], found: Mapping[str, Any]) -> None:
-    """Raise a `ConfigError` if what the folder has was made with other settings."""
-    if different := [name for name, value in expected.items() if found.get(name) != value]:
-        raise ConfigError(
-            f"--folder {folder}: expected work of the same settings, found some that differs in "
-            f"{', '.join(different)}. Choose another --folder, or delete this one."
-        )
-
-
-def _train(folder: Path, config: TrainingConfig, data: CampaignData) -> Result:
+def _train(folder: Path, config: TrainingConfig, data: SharedData) -> Result:
     dataset = _shared_dataset(data.folder, data.sha256)
     run = create_run(folder, config, data.folder, data.sha256, datetime.now())
     begun_s, step = time.process_time(), 0

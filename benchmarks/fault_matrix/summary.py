@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from sim_bridge.faults.matrix.row import DETECTED_WITHIN_MS, LANE_M, LONGEST_NOMINAL_S, MatrixRow
+from benchmarks.fault_matrix.verdict import DETECTED_WITHIN_MS, LANE_M, LONGEST_NOMINAL_S, MatrixRow
 
 
 class MatrixSummary(NamedTuple):
