@@ -107,7 +107,8 @@ class Case(FileTable):
 
     def under(self, condition: str) -> "Case":
         """This case under a condition of `conditions.toml`."""
-        return self.model_copy(update={"condition": condition, **CONDITIONS[condition]})
+        changed = {"condition": condition, **CONDITIONS[condition]}
+        return Case.model_validate(self.model_dump() | changed)
 
 
 _CASES: TypeAdapter[dict[str, Case]] = TypeAdapter(Annotated[dict[str, Case], Field(min_length=1)])
