@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Annotated
 
 from cyclopts import Parameter
-from pydantic import Field, ValidationInfo, field_validator
+from pydantic import Field
 
 from rt_controller.contract.timing import LONGEST_S
 from rt_controller.settings import CAR_PRIORITY, BusSettings, CarSettings, SharedInterface
@@ -27,7 +27,7 @@ app = new_app(
     "--bus NAME",
     {
         "Main options": "bus channel scenario car friction faults signals record json",
-        "Bus": "bitrate fd bus-option wait-s priority",
+        "Bus": "bitrate bus-option wait-s priority",
         "Simulated car": "plant plant-mapping friction-right transport-delay actuation-delay",
         "Results": "overwrite quiet",
     },
@@ -55,13 +55,6 @@ class BridgeOptions(CarSettings, BusSettings):
     """write the summary to this JSON file"""
     quiet: bool = False
     """no progress on stderr; errors and the result remain"""
-
-    @field_validator("signals")
-    @classmethod
-    def _require_classic_frames(cls, found: Path | None, info: ValidationInfo) -> Path | None:
-        if found is not None and info.data.get("fd"):
-            raise ValueError("expected a bus of classic CAN, where a car has its own messages")
-        return found
 
 
 @app.default

@@ -29,7 +29,6 @@ from rt_controller.settings import VIRTUAL
 from rt_controller.terminal.command_line import print_error
 from rt_controller.terminal.progress import SETTLING, Line, announce, show, watch
 from rt_controller.terminal.stop_signals import stop_on_signals
-from rt_controller.terminal.streams import lost_output
 from rt_controller.vehicle.braking_cause import BrakingCause
 from rt_controller.vehicle.vehicle_envelope import FARTHEST_DRIVEN_M, FARTHEST_OFF_PATH_M
 from sim_bridge.bridge import Bridge, BridgeSummary
@@ -98,7 +97,6 @@ def run_at_terminal(options: "BridgeOptions") -> int:
             **asdict(summary),
             **figures_to_json(figures),
             **log_to_json(recorder),
-            "lost_output": lost_output(),
         }
         failures = [] if recorder is None else [recorder.explain_failure()]
         try:

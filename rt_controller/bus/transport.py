@@ -7,7 +7,6 @@ settings count.
 import errno
 import socket
 import struct
-import tomllib
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from threading import Thread
@@ -35,9 +34,8 @@ _SLCAN = "slcan"
 COMMON = (_VIRTUAL, "local", _SOCKETCAN, _REMOTE, _SLCAN, "pcan", "kvaser", "vector")
 """interfaces that a message names; the rest of python-can's are accepted too"""
 _WITHOUT_BITRATE = (_VIRTUAL, _SOCKETCAN)
-_WITHOUT_FD = (_SLCAN,)
-_ALWAYS_FD = (_VIRTUAL, "local")
-"""interfaces that carry frames of CAN FD without an option"""
+_WITH_FD = {_VIRTUAL: {}, "local": {}, _SOCKETCAN: {"fd": True}, _REMOTE: {"fd": True}}
+"""interfaces that carry frames of CAN FD, with the option that they need; others have a timing"""
 
 VIRTUAL_QUEUE_FRAMES = 1024
 """A virtual bus that is not read refuses frames after this many, instead of filling the memory."""
@@ -54,6 +52,31 @@ _MEMINFO = struct.Struct("9I")
 """the last number: frames that found no room in the buffer"""
 
 
+_OTHER_FAILURE = (
+    "expected a bus that opens, found {found}. Check the channel and the options against "
+    "python-can's page on {interface}."
+)
+_FAILURES = {
+    (_SOCKETCAN, errno.EAFNOSUPPORT): (
+        "expected a kernel with CAN, found one without AF_CAN. Load its module (modprobe can "
+        "can-raw vcan), or choose an interface that needs none: local (between the processes of "
+        "this machine), remote, slcan."
+    ),
+    (_SOCKETCAN, errno.ENODEV): (
+        "expected a network interface {channel}, found no such device. See ip -brief link; for a "
+        "virtual one: ip link add {channel} type vcan && ip link set {channel} up."
+    ),
+    (_REMOTE, errno.ETIMEDOUT): (
+        "expected a server that answers in time, found none. Restart it, or correct the address."
+    ),
+    (_REMOTE, errno.ECONNREFUSED): (
+        "expected a server that listens there, found none (connection refused). Start it first, "
+        "or correct the address."
+    ),
+}
+"""what was expected and found, and the remedy, by interface and number of the error"""
+
+
 def open_bus(
     interface: str,
     channel: str,
@@ -68,11 +91,11 @@ def open_bus(
         channel: "vcan0", "/dev/ttyACM0", "ws://127.0.0.1:54701"...
         bitrate: in bit/s, for adapters that the program has to set.
         options: further arguments of the interface, as python-can documents them.
-        is_fd: for frames of CAN FD too.
+        is_fd: for frames of CAN FD too, which a car's own messages may be.
 
     Raises:
-        ConfigError: no such interface, one that cannot be used, or one that sets no bitrate; or
-            a channel with a null character.
+        ConfigError: no such interface, one that cannot be used, or one that sets no bitrate or
+            has no CAN FD; or a channel with a null character.
         BusError: no such channel, or the interface refuses these settings.
         MissingExtraError: the interface needs a package that is not installed.
     """
@@ -88,13 +111,14 @@ def open_bus(
             f"Correct the settings file."
         )
     settings: dict[str, Any] = dict(options or {})
-    if is_fd and interface in _WITHOUT_FD:
-        raise ConfigError(
-            f"`fd`: expected an interface with CAN FD, found {interface}. Leave out --fd, or "
-            f"choose virtual, local, socketcan, remote, pcan, kvaser or vector."
-        )
-    if is_fd and interface not in _ALWAYS_FD:
-        settings["fd"] = True
+    if is_fd:
+        if interface not in _WITH_FD:
+            raise ConfigError(
+                f"{interface} {channel}: expected {', '.join(_WITH_FD)} for a DBC with messages of "
+                f"CAN FD, found {interface}. Use the adapter through socketcan, or leave these "
+                f"messages out of the DBC."
+            )
+        settings |= _WITH_FD[interface]
     if interface == _VIRTUAL:
         settings.setdefault("rx_queue_size", VIRTUAL_QUEUE_FRAMES)
     if bitrate is not None:
@@ -107,7 +131,12 @@ def open_bus(
         settings["bitrate"] = bitrate
     try:
         with _connection_limit(interface):
-            bus = _open(interface, channel, settings)
+            if interface == _SLCAN:
+                from rt_controller.bus.slcan import BoundedSlcanBus  # needs the package serial
+
+                bus: can.BusABC = BoundedSlcanBus(channel=channel, **settings)
+            else:
+                bus = can.Bus(channel=channel, interface=interface, ignore_config=True, **settings)
     except Exception as error:  # each backend raises its own type
         raise explain_failure(interface, channel, error) from error
     if isinstance(bus, SocketcanBus):
@@ -116,14 +145,6 @@ def open_bus(
         # A server that has stopped in the middle of a frame must not delay the loop.
         bus.socket.settimeout(REMOTE_TIMEOUT_S)  # type: ignore[attr-defined]
     return bus
-
-
-def _open(interface: str, channel: str, settings: dict[str, Any]) -> can.BusABC:
-    if interface == _SLCAN:
-        from rt_controller.bus.slcan import BoundedSlcanBus
-
-        return BoundedSlcanBus(channel=channel, **settings)
-    return can.Bus(channel=channel, interface=interface, ignore_config=True, **settings)
 
 
 @contextmanager
@@ -175,19 +196,6 @@ def _shut_down(bus: can.BusABC) -> None:
         can.BusABC.shutdown(bus)
 
 
-def parse_options(written: Mapping[str, str]) -> dict[str, Option]:
-    """Options as written on the command line, each with the type it would have in TOML."""
-    return {name: _parse_option(value) for name, value in written.items()}
-
-
-def _parse_option(value: str) -> Option:
-    try:
-        parsed = tomllib.loads(f"value = {value}")["value"]
-    except (ValueError, RecursionError):  # no TOML, or a number without end
-        return value
-    return parsed if isinstance(parsed, bool | int | float | str) else value
-
-
 def require_interface(interface: str) -> None:
     """Return if python-can has an interface of this name.
 
@@ -217,30 +225,9 @@ def explain_failure(interface: str, channel: str, error: Exception) -> RtControl
             f"{place}: expected what this interface needs, found: {error}. Install what "
             f"python-can's page on {interface} names, or choose another interface."
         )
-    number = getattr(error, "errno", None) or getattr(error, "error_code", None)
-    if interface == _SOCKETCAN and number == errno.EAFNOSUPPORT:
-        return BusError(
-            f"{place}: expected a kernel with CAN, found one without AF_CAN. Load its module "
-            f"(modprobe can can-raw vcan), or choose an interface that needs none: local "
-            f"(between the processes of this machine), remote, slcan."
-        )
-    if interface == _SOCKETCAN and number == errno.ENODEV:
-        return BusError(
-            f"{place}: expected a network interface {channel}, found no such device. See "
-            f"ip -brief link; for a virtual one: ip link add {channel} type vcan && "
-            f"ip link set {channel} up."
-        )
+    number = getattr(error, "errno", None) or getattr(error, "error_code", None) or 0
     if isinstance(error, TimeoutError):
-        return BusError(
-            f"{place}: expected a server that answers within {CONNECTION_TIMEOUT_S:g} s, found "
-            f"none. Restart it, or correct the address."
-        )
-    if number == errno.ECONNREFUSED:
-        return BusError(
-            f"{place}: expected a server that listens there, found none (connection refused). "
-            f"Start it first, or correct the address."
-        )
-    return BusError(
-        f"{place}: expected a bus that opens, found {type(error).__name__}: {error}. Check the "
-        f"channel and the options against python-can's page on {interface}."
-    )
+        number = errno.ETIMEDOUT
+    text = _FAILURES.get((interface, number), _OTHER_FAILURE)
+    found = f"{type(error).__name__}: {error}"
+    return BusError(f"{place}: {text.format(interface=interface, channel=channel, found=found)}")
