@@ -4,7 +4,6 @@ import errno
 import os
 import time
 from collections.abc import Callable
-from pathlib import Path
 from threading import Event
 
 import can
@@ -17,34 +16,22 @@ from rt_controller.contract.errors import ConfigError
 RECORDS = [b"first\n", b"second\n", b"third\n"]
 
 
-@pytest.fixture
-def earlier_log(tmp_path: Path) -> Path:
-    """A earlier_log of an earlier drive."""
-    path = tmp_path / "drive.log"
-    path.write_text("earlier\n")
-    return path
-
-
-def test_an_existing_log_is_refused_and_stays_as_it_is(earlier_log):
+def test_an_existing_log_is_replaced_only_when_asked_and_with_the_first_record(tmp_path):
+    earlier = tmp_path / "drive.log"
+    earlier.write_text("earlier\n")
     with pytest.raises(ConfigError, match=r"expected no log .* found one.*--overwrite"):
-        LogFile(earlier_log)
-    assert earlier_log.read_text() == "earlier\n"
-
-
-def test_an_existing_log_is_replaced_when_asked_with_the_first_record(earlier_log):
-    file = LogFile(earlier_log, replaces=True)
-    assert earlier_log.read_text() == "earlier\n"
+        LogFile(earlier)
+    LogFile(earlier, replaces=True).close()
+    file = LogFile(earlier, replaces=True)
+    assert earlier.read_text() == "earlier\n"
     file.append(RECORDS)
     file.close()
-    assert earlier_log.read_bytes() == b"".join(RECORDS)
+    assert earlier.read_bytes() == b"".join(RECORDS)
 
 
-def test_a_run_without_records_neither_replaces_a_log_nor_leaves_one(earlier_log):
-    LogFile(earlier_log, replaces=True).close()
-    assert earlier_log.read_text() == "earlier\n"
-    new = earlier_log.with_name("new.log")
-    LogFile(new).close()
-    assert not new.exists()
+def test_a_run_without_records_leaves_no_log(tmp_path):
+    LogFile(tmp_path / "new.log").close()
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_a_folder_gets_a_new_log_for_every_run(tmp_path):
@@ -58,22 +45,27 @@ def test_a_folder_gets_a_new_log_for_every_run(tmp_path):
     assert {path.parent for path in names} == {tmp_path}
 
 
-def test_a_full_disk_keeps_whole_records_and_says_how_many(tmp_path, monkeypatch):
-    room, write = 9, os.write
+@pytest.fixture
+def disk(monkeypatch: pytest.MonkeyPatch) -> dict[str, int]:
+    """A disk with this room in bytes, for all files together."""
+    disk, write = {"room": 0}, os.write
 
-    def write_until_full(descriptor, data):
-        nonlocal room
-        if room == 0:
+    def write_until_full(descriptor: int, data: bytes) -> int:
+        if disk["room"] == 0:
             raise OSError(errno.ENOSPC, "No space left on device")
-        written = write(descriptor, data[:room])
-        room -= written
+        written = write(descriptor, data[: disk["room"]])
+        disk["room"] -= written
         return written
 
-    file = LogFile(tmp_path / "drive.log")
     monkeypatch.setattr("rt_controller.bus.log.log_file.os.write", write_until_full)
+    return disk
+
+
+def test_a_full_disk_keeps_whole_records_and_says_how_many(tmp_path, disk):
+    file, disk["room"] = LogFile(tmp_path / "drive.log"), 9
     assert file.append(RECORDS) == 1
     assert file.failure == "No space left on device"
-    room = 100
+    disk["room"] = 100
     assert file.append(RECORDS[1:]) == 2
     file.close()
     assert file.path.read_bytes() == b"".join(RECORDS)
@@ -112,7 +104,8 @@ def test_every_kind_of_frame_is_the_line_that_candump_writes_and_is_read_back(tm
 @pytest.mark.parametrize(
     ("name", "expected"),
     [
-        ("pipe", "a pipe that no process reads"),
+        ("pipe.log", "expected a file .* found No such device"),
+        ("drive", r"expected a log with the suffix \.log"),
         ("missing/drive.log", r"expected a file .* found .*Name another"),
         ("drive.ASC", r"can_logconvert drive\.log drive\.asc"),
         ("drive.trc", r"can_logconvert drive\.log drive\.trc"),
@@ -120,10 +113,10 @@ def test_every_kind_of_frame_is_the_line_that_candump_writes_and_is_read_back(tm
     ],
 )
 def test_a_file_that_cannot_be_such_a_log_is_refused(tmp_path, name, expected):
-    os.mkfifo(tmp_path / "pipe")
+    os.mkfifo(tmp_path / "pipe.log")
     with pytest.raises(ConfigError, match=expected):
         Recorder(tmp_path / name, "can0", is_lockstep=False)
-    assert [each.name for each in tmp_path.iterdir()] == ["pipe"]
+    assert [each.name for each in tmp_path.iterdir()] == ["pipe.log"]
 
 
 def write_often(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -159,12 +152,10 @@ def test_a_message_may_change_after_it_was_recorded(tmp_path):
 
 
 @pytest.mark.parametrize("is_lockstep", [False, True])
-def test_a_full_disk_does_not_end_the_drive(is_lockstep, monkeypatch):
+@pytest.mark.usefixtures("disk")
+def test_a_full_disk_does_not_end_the_drive(tmp_path, monkeypatch, is_lockstep):
     write_often(monkeypatch)
-    full = Path("/dev/full")
-    if not full.exists():
-        pytest.skip("no /dev/full on this system")
-    with Recorder(full, "can0", is_lockstep=is_lockstep) as recorder:
+    with Recorder(tmp_path / "full.log", "can0", is_lockstep=is_lockstep) as recorder:
         for _ in range(2000):
             recorder.record(message(0x100, bytes(8)), 0)
         wait_until(lambda: recorder.last_failure)

@@ -14,8 +14,9 @@ from can.interfaces.virtual import VirtualBus
 
 from rt_controller.bus import transport
 from rt_controller.bus.condition import BusCondition, BusState, is_queue_full
-from rt_controller.bus.transport import close_bus, explain_failure, open_bus, parse_options
+from rt_controller.bus.transport import close_bus, explain_failure, open_bus
 from rt_controller.contract.errors import BusError, ConfigError, MissingExtraError
+from rt_controller.settings import BusSettings
 
 
 def message(data: bytes) -> can.Message:
@@ -46,6 +47,7 @@ def test_settings_of_the_environment_are_ignored(tmp_path, monkeypatch):
         ("virtual", "can0", {"bitrate": 500_000}, ConfigError, "expected no bitrate, found 500000"),
         ("socketcan", "can0", {"bitrate": 500_000}, ConfigError, "expected no bitrate"),
         ("virtual", "x", {"options": {"interface": "y"}}, BusError, "found TypeError.*options"),
+        ("slcan", "x", {"is_fd": True}, ConfigError, "CAN FD, found slcan.*socketcan"),
     ],
 )
 def test_a_bus_that_cannot_be_opened_is_refused(interface, channel, more, error, words):
@@ -104,17 +106,13 @@ def test_two_ends_of_a_remote_bus_reach_each_other(remote_channel):
         assert near.recv(0) is None
 
 
-def test_written_options_get_their_toml_type():
-    written = {"fd": "true", "loopback": "false", "ttyBaudrate": "115200", "host": "127.0.0.1"}
-    parsed = parse_options({**written, "ratio": "0.5", "day": "2026-01-01"})
-    assert parsed == {
-        "fd": True,
-        "loopback": False,
-        "ttyBaudrate": 115200,
-        "host": "127.0.0.1",
-        "ratio": 0.5,
-        "day": "2026-01-01",
-    }
+def test_a_written_option_arrives_as_the_number_or_truth_value_that_it_is(monkeypatch):
+    written = {"rx_queue_size": "1", "preserve_timestamps": "true", "protocol": "ab1"}
+    arrived = {}
+    monkeypatch.setattr(can, "Bus", lambda **settings: arrived.update(settings))
+    BusSettings(bus="virtual", channel="options", bus_option=written).open_bus()
+    assert arrived.items() >= {"rx_queue_size": 1, "protocol": "ab1"}.items()
+    assert arrived["preserve_timestamps"] is True
 
 
 def test_closing_a_bus_that_has_failed_raises_nothing(monkeypatch, recwarn):

@@ -236,7 +236,7 @@ HEADER: dict[str, Any] = {
     "config": {},
     "max_iterations": None,
     "catalogue": "00000000",
-    "is_fd": False,
+    "is_fd": False,  # of earlier versions; not read any more
     "packages": {},
     "machine": "Linux x86_64",
 }
