@@ -24,7 +24,7 @@ app = new_app(
     "goes to stdout, progress and messages to stderr. Exit codes: 0 ok, 1 internal error, 2 usage, "
     "configuration or model, 3 an optional package is missing, 4 deadlines missed, 5 bus, 6 ended "
     "in a safe stop, or the vehicle braked by itself, 7 the simulated plant failed, 8 the "
-    "simulated drive missed a limit of its scenario, 9 a log, a result file or an output stream is "
+    "simulated drive missed a limit of its scenario, 9 a log or a result file is "
     "incomplete, 130 ended at once by a third Ctrl-C, or by one while it was loading.",
     "--bus NAME",
     {

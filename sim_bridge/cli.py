@@ -22,7 +22,7 @@ app = new_app(
     "missed, or a drive of the fault matrix is not ok, 2 usage or configuration, 3 an optional "
     "package or the C compiler is missing, 5 the bus failed, another vehicle is on it, or the "
     "vehicle's watchdog braked the car while it was driven, 7 the plant failed, 8 the drive missed "
-    "a limit of its scenario, 9 a log, a result file or an output stream is incomplete, 130 ended "
+    "a limit of its scenario, 9 a log or a result file is incomplete, 130 ended "
     "by Ctrl-C while it was loading.",
     "--bus NAME",
     {
