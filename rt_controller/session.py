@@ -9,7 +9,7 @@ from threading import Thread
 import can
 
 from rt_controller.bus.identity import require_same_catalogue
-from rt_controller.bus.log.recorder import open_recorder
+from rt_controller.bus.log.recorder import Recorder
 from rt_controller.bus.messages import REFERENCE, STATE, VEHICLE_IDENTITY
 from rt_controller.bus.receive import Inbox
 from rt_controller.bus.transport import close_bus
@@ -160,11 +160,17 @@ class ControllerSession:
             opened.callback(close_bus, bus)
             self._bus = bus
             header = describe_run(config, bundle, mpc.max_iterations)
-            self.recorder = open_recorder(
-                log, bus_settings.channel, self.is_lockstep, replaces, header.model_dump()
-            )
-            if self.recorder is not None:
-                opened.callback(self.recorder.close)
+            self.recorder: Recorder | None = None
+            if log is not None:
+                self.recorder = opened.enter_context(
+                    Recorder(
+                        log,
+                        bus_settings.channel,
+                        is_lockstep=self.is_lockstep,
+                        replaces=replaces,
+                        journal=header.model_dump(),
+                    )
+                )
             self.inbox, self.outbox, self._step, self._supervisor = build_node(
                 self._bus,
                 config,

@@ -10,7 +10,6 @@ from rich.console import Console
 from rt_controller.bus.log.recorder import (
     Recorder,
     log_to_json,
-    open_recorder,
     require_recordable,
 )
 from rt_controller.bus.transport import require_interface
@@ -65,9 +64,16 @@ def run_at_terminal(options: "BridgeOptions") -> int:
         with ExitStack() as opened:
             # First: the threads that a bus or a log starts inherit the settings of the process.
             opened.enter_context(real_time_process(options.priority))
-            recorder = open_recorder(options.record, options.channel, replaces=options.overwrite)
-            if recorder is not None:
-                opened.callback(recorder.close)
+            recorder = None
+            if options.record is not None:
+                recorder = opened.enter_context(
+                    Recorder(
+                        options.record,
+                        options.channel,
+                        is_lockstep=False,
+                        replaces=options.overwrite,
+                    )
+                )
             with announce(SETTLING, options.quiet):
                 session = open_session(
                     options,

@@ -95,7 +95,7 @@ def open_bus(
 
     Raises:
         ConfigError: no such interface, one that cannot be used, or one that sets no bitrate or
-            has no CAN FD; or a channel with a null character.
+            has no CAN FD.
         BusError: no such channel, or the interface refuses these settings.
         MissingExtraError: the interface needs a package that is not installed.
     """
@@ -104,11 +104,6 @@ def open_bus(
         raise ConfigError(
             f"`bus` {_MULTICAST}: expected an interface that does not return the frames that were "
             f"sent, which would be those of a second controller. Choose local or remote."
-        )
-    if "\0" in channel:  # a settings file can write one
-        raise ConfigError(
-            f"`channel`: expected the name of a channel, found {channel!r}, with a null character. "
-            f"Correct the settings file."
         )
     settings: dict[str, Any] = dict(options or {})
     if is_fd:

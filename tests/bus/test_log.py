@@ -88,12 +88,11 @@ def test_every_kind_of_frame_is_the_line_that_candump_writes_and_is_read_back(tm
         (message(0x100, bytes.fromhex("01A2030405060708")), "100#01A2030405060708"),
         (message(0x7, b""), "007#"),
     ]
-    offset_ns = 1_700_000_000_000_000_000
-    with Recorder(path, "my bus", is_lockstep=True, epoch_offset_ns=offset_ns) as recorder:
+    with Recorder(path, "my bus", is_lockstep=True) as recorder:
         for tick, (frame, _) in enumerate(frames):
             recorder.record(frame, 25_000_099 * tick)
     assert path.read_text().splitlines() == [
-        f"(1700000000.{25_000 * tick:06d}) my_bus {line}" for tick, (_, line) in enumerate(frames)
+        f"(0.{25_000 * tick:06d}) my_bus {line}" for tick, (_, line) in enumerate(frames)
     ]
     for (sent, _), read in zip(frames, can.CanutilsLogReader(path), strict=True):
         for kind in ("is_extended_id", "is_remote_frame", "is_error_frame", "is_fd"):
@@ -105,11 +104,8 @@ def test_every_kind_of_frame_is_the_line_that_candump_writes_and_is_read_back(tm
     ("name", "expected"),
     [
         ("pipe.log", "expected a file .* found No such device"),
-        ("drive", r"expected a log with the suffix \.log"),
         ("missing/drive.log", r"expected a file .* found .*Name another"),
-        ("drive.ASC", r"can_logconvert drive\.log drive\.asc"),
-        ("drive.trc", r"can_logconvert drive\.log drive\.trc"),
-        ("drive.mcap", r"replay drive\.log --mcap .*drive\.mcap"),
+        *((f"drive{each}", r"suffix \.log.*can_logconvert") for each in ("", ".ASC", ".mcap")),
     ],
 )
 def test_a_file_that_cannot_be_such_a_log_is_refused(tmp_path, name, expected):
@@ -138,7 +134,7 @@ def test_the_writer_writes_while_the_drive_goes_on(tmp_path, monkeypatch):
     with Recorder(path, "can0", is_lockstep=False) as recorder:
         recorder.record(message(0x100, b"\x01"), 0)
         wait_until(path.read_text)
-        assert path.read_text() == "(0.000000) can0 100#01\n"
+        assert path.read_text().endswith(" can0 100#01\n")
 
 
 def test_a_message_may_change_after_it_was_recorded(tmp_path):

@@ -34,8 +34,6 @@ _WRITE_INTERVAL_S = 0.2
 _FRAMES_PER_WRITE = 512
 LONGEST_CLOSE_S = 2.0
 """for what is left at the end; later the log counts as incomplete"""
-_OTHER_SUFFIXES = (".asc", ".blf", ".mf4", ".trc", ".csv", ".db")
-"""formats that python-can converts a candump log into"""
 
 
 class RecordedFrame(NamedTuple):
@@ -125,7 +123,6 @@ class Recorder(AbstractContextManager["Recorder"]):
         *,
         is_lockstep: bool,
         capacity: int = QUEUE_FRAMES,
-        epoch_offset_ns: int = 0,
         replaces: bool = False,
         journal: Mapping[str, Any] | None = None,
     ) -> None:
@@ -134,9 +131,9 @@ class Recorder(AbstractContextManager["Recorder"]):
         Args:
             path: of the log, or a folder, as `LogFile`.
             channel: name of the bus.
-            is_lockstep: `record` waits for the disk.
+            is_lockstep: `record` waits for the disk, and the log has simulated instead of calendar
+                time: the same run gives the same bytes.
             capacity: of the queue, in frames and events.
-            epoch_offset_ns: added to every stamp, to turn monotonic into calendar time.
             replaces: replace existing files.
             journal: first line of the journal; None: without one.
 
@@ -147,7 +144,8 @@ class Recorder(AbstractContextManager["Recorder"]):
         self.written = 0
         self._taken = self._overflowed = self._unwritable = 0
         self._capacity, self._is_lockstep = capacity, is_lockstep
-        self._channel, self._epoch_offset_ns = "_".join(channel.split()) or "can", epoch_offset_ns
+        self._channel = "_".join(channel.split()) or "can"
+        self._epoch_offset_ns = 0 if is_lockstep else time.time_ns() - time.monotonic_ns()
         self._log = _open_log(path, replaces)
         self._journal: _Journal | None = None
         try:
@@ -271,29 +269,6 @@ class Recorder(AbstractContextManager["Recorder"]):
         return f"({seconds}.{rest_ns // 1000:06d}) {self._channel} {frame.line}\n".encode()
 
 
-def open_recorder(
-    path: Path | None,
-    channel: str,
-    is_lockstep: bool = False,
-    replaces: bool = False,
-    journal: Mapping[str, Any] | None = None,
-) -> Recorder | None:
-    """A recorder with calendar time in its stamps; None if no file is named.
-
-    In lockstep the stamps are simulated time: the same run gives the same bytes.
-    """
-    if path is None:
-        return None
-    return Recorder(
-        path,
-        channel,
-        is_lockstep=is_lockstep,
-        epoch_offset_ns=0 if is_lockstep else time.time_ns() - time.monotonic_ns(),
-        replaces=replaces,
-        journal=journal,
-    )
-
-
 def log_to_json(recorder: Recorder | None) -> dict[str, Any]:
     """The figures of a log; its name is null without one, and its failure if it is complete."""
     return {
@@ -311,20 +286,10 @@ def require_recordable(path: Path | None, replaces: bool = False) -> None:
 
 
 def _open_log(path: Path, replaces: bool) -> LogFile:
-    suffix = path.suffix.lower()
-    if suffix in _OTHER_SUFFIXES and not path.is_dir():
+    if path.suffix.lower() != SUFFIX and not path.is_dir():
         raise ConfigError(
-            f"{path}: expected a candump log (.log), found the suffix of another format. Record a "
-            f".log and convert it: can_logconvert drive.log drive{suffix}"
-        )
-    if suffix == ".mcap":
-        raise ConfigError(
-            f"{path}: expected a log of frames, found the suffix of MCAP, which has decoded "
-            f"signals. Record a .log, and convert it: rt-controller replay drive.log --mcap {path}"
-        )
-    if suffix != SUFFIX and not path.is_dir():
-        raise ConfigError(
-            f"{path}: expected a log with the suffix {SUFFIX}, or a folder that exists, found "
-            f"neither. Name it {path.name}{SUFFIX}, or make the folder first."
+            f"{path}: expected a candump log with the suffix {SUFFIX}, or a folder that exists, "
+            f"found neither. Record a {SUFFIX}; can_logconvert, or rt-controller replay --mcap, "
+            f"makes the other formats of it."
         )
     return LogFile(path, replaces)
