@@ -9,6 +9,7 @@ from threading import Event
 import can
 import pytest
 
+from rt_controller.bus.log import recorder as recorder_module
 from rt_controller.bus.log.log_file import LogFile
 from rt_controller.bus.log.recorder import Recorder
 from rt_controller.contract.errors import ConfigError
@@ -116,7 +117,7 @@ def test_a_file_that_cannot_be_such_a_log_is_refused(tmp_path, name, expected):
 
 
 def write_often(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("rt_controller.bus.log.recorder._WRITE_INTERVAL_S", 0.001)
+    monkeypatch.setattr(recorder_module, "_WRITE_INTERVAL_S", 0.001)
 
 
 def wait_until(condition: Callable[[], object]) -> None:
@@ -162,15 +163,16 @@ def test_a_full_disk_does_not_end_the_drive(tmp_path, monkeypatch, is_lockstep):
     recorder.close()
 
 
-@pytest.mark.parametrize("begins_before_the_end", [False, True])
-@pytest.mark.parametrize("is_lockstep", [False, True])
+@pytest.mark.parametrize(
+    ("is_lockstep", "begins_before_the_end"), [(False, False), (False, True), (True, True)]
+)
 def test_a_disk_that_does_not_answer_does_not_hold_up_the_end(
     tmp_path, monkeypatch, is_lockstep, begins_before_the_end
 ):
     answers = Event()
     if begins_before_the_end:
         write_often(monkeypatch)
-    monkeypatch.setattr("rt_controller.bus.log.recorder.LONGEST_CLOSE_S", 0.01)
+    monkeypatch.setattr(recorder_module, "LONGEST_CLOSE_S", 0.01)
     monkeypatch.setattr("rt_controller.bus.log.log_file.os.write", lambda *_: answers.wait() or 0)
     recorder = Recorder(tmp_path / "drive.log", "can0", is_lockstep=is_lockstep)
     for _ in range(600):
@@ -205,9 +207,13 @@ def test_a_disk_that_stalls_delays_no_frame(tmp_path, monkeypatch):
     assert (recorder.written, recorder.dropped, recorder.explain_failure()) == (2001, 0, "")
 
 
-def test_a_drive_in_lockstep_waits_for_a_slow_disk(tmp_path, monkeypatch):
-    write_often(monkeypatch)
-    with Recorder(tmp_path / "slow.log", "can0", is_lockstep=True, capacity=8) as recorder:
+@pytest.mark.parametrize(("is_lockstep", "written"), [(True, 100), (False, 8)])
+def test_a_drive_in_lockstep_waits_for_a_slow_disk_and_no_other_does(
+    tmp_path, monkeypatch, is_lockstep, written
+):
+    monkeypatch.setattr(recorder_module, "_WRITE_INTERVAL_S", 0.001 if is_lockstep else 60.0)
+    path = tmp_path / "slow.log"
+    with Recorder(path, "can0", is_lockstep=is_lockstep, capacity=8) as recorder:
         for _ in range(100):
             recorder.record(message(0x100, bytes(8)), 0)
-    assert (recorder.written, recorder.dropped) == (100, 0)
+    assert (recorder.written, recorder.dropped) == (written, 100 - written)
