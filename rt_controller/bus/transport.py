@@ -8,7 +8,7 @@ import errno
 import socket
 import struct
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from threading import Thread
 from typing import Any
 
@@ -26,15 +26,9 @@ from rt_controller.contract.names import hint
 
 Option = str | int | float | bool
 
-_VIRTUAL = "virtual"
-_SOCKETCAN = "socketcan"
-_REMOTE = "remote"
-_MULTICAST = "udp_multicast"
-_SLCAN = "slcan"
-COMMON = (_VIRTUAL, "local", _SOCKETCAN, _REMOTE, _SLCAN, "pcan", "kvaser", "vector")
+COMMON = ("virtual", "local", "socketcan", "remote", "slcan", "pcan", "kvaser", "vector")
 """interfaces that a message names; the rest of python-can's are accepted too"""
-_WITHOUT_BITRATE = (_VIRTUAL, _SOCKETCAN)
-_WITH_FD = {_VIRTUAL: {}, "local": {}, _SOCKETCAN: {"fd": True}, _REMOTE: {"fd": True}}
+_WITH_FD = {"virtual": {}, "local": {}, "socketcan": {"fd": True}, "remote": {"fd": True}}
 """interfaces that carry frames of CAN FD, with the option that they need; others have a timing"""
 
 VIRTUAL_QUEUE_FRAMES = 1024
@@ -50,26 +44,24 @@ SOCKET_BUFFER_BYTES = 1 << 20
 _SO_RCVBUFFORCE, _SO_MEMINFO = 33, 55
 _MEMINFO = struct.Struct("9I")
 """the last number: frames that found no room in the buffer"""
-
-
 _OTHER_FAILURE = (
     "expected a bus that opens, found {found}. Check the channel and the options against "
     "python-can's page on {interface}."
 )
 _FAILURES = {
-    (_SOCKETCAN, errno.EAFNOSUPPORT): (
+    ("socketcan", errno.EAFNOSUPPORT): (
         "expected a kernel with CAN, found one without AF_CAN. Load its module (modprobe can "
         "can-raw vcan), or choose an interface that needs none: local (between the processes of "
         "this machine), remote, slcan."
     ),
-    (_SOCKETCAN, errno.ENODEV): (
+    ("socketcan", errno.ENODEV): (
         "expected a network interface {channel}, found no such device. See ip -brief link; for a "
         "virtual one: ip link add {channel} type vcan && ip link set {channel} up."
     ),
-    (_REMOTE, errno.ETIMEDOUT): (
+    ("remote", errno.ETIMEDOUT): (
         "expected a server that answers in time, found none. Restart it, or correct the address."
     ),
-    (_REMOTE, errno.ECONNREFUSED): (
+    ("remote", errno.ECONNREFUSED): (
         "expected a server that listens there, found none (connection refused). Start it first, "
         "or correct the address."
     ),
@@ -100,10 +92,10 @@ def open_bus(
         MissingExtraError: the interface needs a package that is not installed.
     """
     require_interface(interface)
-    if interface == _MULTICAST:
+    if interface == "udp_multicast":
         raise ConfigError(
-            f"`bus` {_MULTICAST}: expected an interface that does not return the frames that were "
-            f"sent, which would be those of a second controller. Choose local or remote."
+            "`bus` udp_multicast: expected an interface that does not return the frames that were "
+            "sent, which would be those of a second controller. Choose local or remote."
         )
     settings: dict[str, Any] = dict(options or {})
     if is_fd:
@@ -114,10 +106,10 @@ def open_bus(
                 f"messages out of the DBC."
             )
         settings |= _WITH_FD[interface]
-    if interface == _VIRTUAL:
+    if interface == "virtual":
         settings.setdefault("rx_queue_size", VIRTUAL_QUEUE_FRAMES)
     if bitrate is not None:
-        if interface in _WITHOUT_BITRATE:
+        if interface in ("virtual", "socketcan"):
             raise ConfigError(
                 f"`bitrate` of {interface}: expected no bitrate, found {bitrate}: this interface "
                 f"does not set one. Leave it out (for socketcan: ip link set {channel} type can "
@@ -125,29 +117,27 @@ def open_bus(
             )
         settings["bitrate"] = bitrate
     try:
-        with _connection_limit(interface):
-            if interface == _SLCAN:
-                from rt_controller.bus.slcan import BoundedSlcanBus  # needs the package serial
+        if interface == "slcan":
+            from rt_controller.bus.slcan import BoundedSlcanBus  # needs the package serial
 
-                bus: can.BusABC = BoundedSlcanBus(channel=channel, **settings)
-            else:
-                bus = can.Bus(channel=channel, interface=interface, ignore_config=True, **settings)
+            return BoundedSlcanBus(channel=channel, **settings)
+        with _connection_limit() if interface == "remote" else nullcontext():
+            bus = can.Bus(channel=channel, interface=interface, ignore_config=True, **settings)
     except Exception as error:  # each backend raises its own type
         raise explain_failure(interface, channel, error) from error
     if isinstance(bus, SocketcanBus):
         _enlarge_buffer(bus.socket)
-    if interface == _REMOTE:
+    if interface == "remote":
         # A server that has stopped in the middle of a frame must not delay the loop.
         bus.socket.settimeout(REMOTE_TIMEOUT_S)  # type: ignore[attr-defined]
     return bus
 
 
 @contextmanager
-def _connection_limit(interface: str) -> Iterator[None]:
+def _connection_limit() -> Iterator[None]:
     """A limit for connections that are made in this context; python-can-remote has none."""
     before = socket.getdefaulttimeout()
-    if interface == _REMOTE:
-        socket.setdefaulttimeout(CONNECTION_TIMEOUT_S)
+    socket.setdefaulttimeout(CONNECTION_TIMEOUT_S)
     try:
         yield
     finally:
@@ -200,12 +190,12 @@ def require_interface(interface: str) -> None:
     """
     if interface in can.VALID_INTERFACES:
         return
-    if interface == _REMOTE:
+    if interface == "remote":
         raise MissingExtraError(
             "remote: expected the package python-can-remote, found none. "
             f"Run: {install_command('remote')}"
         )
-    near = hint(interface, {*can.VALID_INTERFACES, _REMOTE})
+    near = hint(interface, {*can.VALID_INTERFACES, "remote"})
     raise ConfigError(
         f"`bus` {interface!r}: expected {', '.join(COMMON)} or another interface of "
         f"python-can, found no such name{near}."

@@ -241,7 +241,7 @@ def test_a_full_queue_is_distinguished_from_other_failures():
 
 
 @pytest.mark.parametrize("listens", [False, True])
-def test_a_server_that_is_missing_or_says_nothing_is_refused(monkeypatch, listens):
+def test_a_server_that_is_missing_or_says_nothing_is_refused_in_time(monkeypatch, listens):
     pytest.importorskip("can_remote")
     monkeypatch.setattr(transport, "CONNECTION_TIMEOUT_S", 0.05)
     with socket.socket() as server:
