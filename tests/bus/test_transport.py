@@ -173,54 +173,34 @@ def test_a_full_buffer_of_the_port_is_an_error_of_the_send():
     close_bus(bus)
 
 
-def error_frame(classes: int, detail: int = 0) -> can.Message:
-    return can.Message(
-        arbitration_id=classes,
-        is_extended_id=False,
-        is_error_frame=True,
-        data=bytes((0, detail, 0, 0, 0, 0, 0, 0)),
-    )
-
-
-@pytest.mark.parametrize(
-    ("classes", "detail", "state"),
-    [
-        (0x004, 0x04, BusState.WARNING),
-        (0x004, 0x20, BusState.PASSIVE),
-        (0x204, 0x0C | 0x30, BusState.PASSIVE),
-        (0x040, 0x00, BusState.BUS_OFF),
-        (0x0C8, 0x00, BusState.BUS_OFF),
-        (0x008, 0x3C, BusState.ACTIVE),
-        (0x020, 0x00, BusState.ACTIVE),
-    ],
-)
-def test_an_error_frame_gives_the_state(classes, detail, state):
-    condition = BusCondition()
-    condition.note_error_frame(error_frame(classes, detail))
-    assert condition.state is state
-    assert condition.error_frames == 1
-    assert state.is_disturbed == (state not in (BusState.ACTIVE, BusState.WARNING))
-    assert condition.bus_off == (state is BusState.BUS_OFF)
-
-
 @pytest.mark.parametrize(
     ("frames", "state", "counts"),
     [
+        (((0x004, 0x04),), BusState.WARNING, {}),
+        (((0x004, 0x20),), BusState.PASSIVE, {}),
+        (((0x204, 0x0C | 0x30),), BusState.PASSIVE, {}),
+        (((0x040, 0x00),), BusState.BUS_OFF, {"bus_off": 1}),
+        (((0x0C8, 0x00),), BusState.BUS_OFF, {"bus_off": 1}),
+        (((0x008, 0x3C),), BusState.ACTIVE, {}),
+        (((0x020, 0x00),), BusState.ACTIVE, {}),
         (((0x040, 0), (0x100, 0)), BusState.ACTIVE, {"bus_off": 1, "restarts": 1}),
         (((0x004, 0x20), (0x004, 0x40)), BusState.ACTIVE, {}),
         (((0x004, 0x01),), BusState.ACTIVE, {"controller_overflows": 1}),
         (((0x004, 0x02),), BusState.ACTIVE, {"controller_overflows": 1}),
-        (((0x004, None),), BusState.ACTIVE, {}),
+        (((0x004, None),), BusState.ACTIVE, {}),  # without data
     ],
 )
-def test_recoveries_overflows_and_frames_without_data_are_counted(frames, state, counts):
+def test_error_frames_give_the_state_and_are_counted(frames, state, counts):
     condition = BusCondition()
     for classes, detail in frames:
-        frame = error_frame(classes, detail or 0)
-        if detail is None:
-            frame.data = bytearray()
-        condition.note_error_frame(frame)
+        data = b"" if detail is None else bytes((0, detail, 0, 0, 0, 0, 0, 0))
+        condition.note_error_frame(
+            can.Message(
+                arbitration_id=classes, is_extended_id=False, is_error_frame=True, data=data
+            )
+        )
     assert condition == BusCondition(state, error_frames=len(frames), **counts)
+    assert state.is_disturbed == (state not in (BusState.ACTIVE, BusState.WARNING))
 
 
 def test_an_interface_that_is_down_is_no_failure_and_recovers_with_the_next_frame():
