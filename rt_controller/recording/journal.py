@@ -41,6 +41,7 @@ _CallName = Literal[
     "request_stop",
     "send_safe_command",
 ]
+"""the last four are methods of `ControlStep`, and the names with which it notes their calls"""
 _PACKAGES = ("rt-controller", "numpy", "scipy", "onnxruntime", "piqp")
 """those on which the bits of a command depend"""
 

@@ -28,14 +28,7 @@ from rt_controller.recording.journal import (
     read_journal,
 )
 from rt_controller.safety.tick import Tick
-from rt_controller.step import ControlStep
 
-_CALLS = {
-    "update_matrices": ControlStep.update_matrices,
-    "warm_up": ControlStep.warm_up,
-    "request_stop": ControlStep.request_stop,
-    "send_safe_command": ControlStep.send_safe_command,
-}
 _COMMAND_ID = COMMAND.codecs[0].arbitration_id
 FRAME = "ACT_CMD"
 _COPY_AGAIN = (
@@ -146,7 +139,7 @@ class Replay:
             elif call.name == BUS_FAILURE:
                 self._bus.fails = True
             elif call.name != SENT:
-                _CALLS[call.name](step)
+                getattr(step, call.name)()
         if tick.tick >= 0:
             self._clock.time_ns = tick.began_ns
             step.run(tick.skipped, tick.missed_last)
