@@ -123,7 +123,6 @@ def build_node(
     mpc: Mpc,
     clock: TimeSource,
     recorder: Recorder | None = None,
-    is_fd: bool = False,
     note_call: Callable[[str], None] = lambda name: None,
     checks: Sequence[Check] | None = None,
 ) -> ControlNode:
@@ -136,7 +135,6 @@ def build_node(
         mpc: the planner.
         clock: of the loop.
         recorder: of frames; None: they are not recorded.
-        is_fd: the bus has frames of CAN FD.
         note_call: as of `ControlStep`.
         checks: of the supervisor; None: all, with the thresholds of the model's car.
 
@@ -144,8 +142,8 @@ def build_node(
         ArtifactError: the model's encoder cannot be used.
         ConfigError: the model's car has thresholds of quantities that do not exist.
     """
-    inbox = Inbox(Node.CONTROLLER, recorder, is_fd=is_fd)
-    outbox = Outbox(bus, Node.CONTROLLER, recorder, is_fd=is_fd)
+    inbox = Inbox(Node.CONTROLLER, recorder)
+    outbox = Outbox(bus, Node.CONTROLLER, recorder)
     low_speed_car = choose_low_speed_car(bundle, config.low_speed)
     supervisor = Supervisor(
         MotionPrediction(bundle, bundle.n_observables),

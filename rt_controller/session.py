@@ -9,6 +9,7 @@ from threading import Thread
 import can
 
 from rt_controller.bus.identity import require_same_catalogue
+from rt_controller.bus.log.recorder import Recorder
 from rt_controller.bus.messages import REFERENCE, STATE, VEHICLE_IDENTITY
 from rt_controller.bus.receive import Inbox
 from rt_controller.bus.transport import close_bus
@@ -28,12 +29,7 @@ from rt_controller.realtime.scheduling import (
     set_thread_priority,
 )
 from rt_controller.realtime.timing import DeadlineAccount, KernelCounters
-from rt_controller.recording.journal import (
-    BUS_FAILURE,
-    TickRecord,
-    describe_run,
-    open_recording,
-)
+from rt_controller.recording.journal import BUS_FAILURE, TickRecord, describe_run
 from rt_controller.safety.checks import Check
 from rt_controller.settings import BusSettings
 
@@ -71,7 +67,7 @@ def wait_for_vehicle(
         now_ns = clock.now_ns()
         peer, state = inbox.newest(VEHICLE_IDENTITY), inbox.newest_valid(STATE, now_ns)
         if peer is not None:
-            require_same_catalogue(peer.content, inbox.is_fd)
+            require_same_catalogue(peer.content)
             if state is not None and inbox.newest_valid(REFERENCE, now_ns) is not None:
                 clock.align(state.arrival_ns + phase_ns)
                 return
@@ -87,13 +83,6 @@ def _missing_frames(inbox: Inbox, wait_ns: int) -> str:
         "a complete REF_PATH/REF_SPEED": inbox.newest(REFERENCE),
     }
     missing = ", ".join(name for name, newest in received.items() if newest is None)
-    if inbox.counts.other_format > 0:
-        own, other = ("CAN FD", "classic CAN") if inbox.is_fd else ("classic CAN", "CAN FD")
-        return (
-            f"Expected the vehicle on the bus with frames of {own} within {wait_ns / 1e9:g} s, "
-            f"found {inbox.counts.other_format} of {other}. Start both ends with --fd, or both "
-            f"without."
-        )
     dropped = inbox.counts.crc_errors + inbox.counts.out_of_range
     return (
         f"Expected the vehicle on the bus within {wait_ns / 1e9:g} s, still missing: {missing} "
@@ -170,12 +159,18 @@ class ControllerSession:
             bus = bus_settings.open_bus()
             opened.callback(close_bus, bus)
             self._bus = bus
-            header = describe_run(config, bundle, mpc.max_iterations, bus_settings.fd)
-            self.recorder = open_recording(
-                log, bus_settings.channel, self.is_lockstep, header, replaces
-            )
-            if self.recorder is not None:
-                opened.callback(self.recorder.close)
+            header = describe_run(config, bundle, mpc.max_iterations)
+            self.recorder: Recorder | None = None
+            if log is not None:
+                self.recorder = opened.enter_context(
+                    Recorder(
+                        log,
+                        bus_settings.channel,
+                        is_lockstep=self.is_lockstep,
+                        replaces=replaces,
+                        journal=header.model_dump(),
+                    )
+                )
             self.inbox, self.outbox, self._step, self.supervisor = build_node(
                 self._bus,
                 config,
@@ -183,7 +178,6 @@ class ControllerSession:
                 mpc,
                 clock,
                 self.recorder,
-                bus_settings.fd,
                 self._record_call,
                 checks,
             )
@@ -262,7 +256,7 @@ class ControllerSession:
             None if measured.cause is None else measured.cause.value,
             {name: round(value, 1) for name, value in measured.times._asdict().items()},
         )
-        recorder.record_event(record)
+        recorder.record_event(record.to_json())
 
     def _run(self, duration_s: float | None, waits_for_missions: bool, wait_s: float) -> None:
         settings, clock = self._settings, self._clock

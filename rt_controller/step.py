@@ -65,13 +65,13 @@ class ControlStep:
         self._note_call = note_call
         self._receiver = Receiver(bus, inbox)
         self._outbox = outbox
-        self._dry_run_outbox = Outbox(DiscardBus(), Node.CONTROLLER, is_fd=outbox.is_fd)
+        self._dry_run_outbox = Outbox(DiscardBus(), Node.CONTROLLER)
         self._planner = InputPlanner(mpc, low_speed)
         self._low_speed = low_speed
         self._limits, self._force_scale = car.limits, car.force_scale
         self._along_path = ALONG_PATH.scaled(car.force_scale)
         self._clock = clock
-        self._identity = own_identity(model_hash, outbox.is_fd)
+        self._identity = own_identity(model_hash)
         self._supervisor = supervisor
         self._send_failures = 0
         self._ticks = 0

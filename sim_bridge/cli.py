@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Annotated
 
 from cyclopts import Parameter
-from pydantic import Field, ValidationInfo, field_validator
+from pydantic import Field
 
 from rt_controller.contract.timing import LONGEST_S
 from rt_controller.settings import CAR_PRIORITY, BusSettings, CarSettings, SharedInterface
@@ -19,12 +19,12 @@ app = new_app(
     "goes to stdout, progress and messages to stderr. Exit codes: 0 ok, 1 a validation target was "
     "missed, 2 usage or configuration, 3 an optional package or the C compiler is missing, 5 the "
     "bus failed, another vehicle is on it, or the vehicle's watchdog braked the car while "
-    "it was driven, 7 the plant failed, 8 the drive missed a limit of its scenario, 9 a log, a "
-    "result file or an output stream is incomplete, 130 ended by Ctrl-C while it was loading.",
+    "it was driven, 7 the plant failed, 8 the drive missed a limit of its scenario, 9 a log or a "
+    "result file is incomplete, 130 ended by Ctrl-C while it was loading.",
     "--bus NAME",
     {
         "Main options": "bus channel scenario car friction faults signals record json",
-        "Bus": "bitrate fd bus-option wait-s priority",
+        "Bus": "bitrate bus-option wait-s priority",
         "Simulated car": "plant plant-mapping friction-right transport-delay actuation-delay",
         "Results": "overwrite quiet",
     },
@@ -52,13 +52,6 @@ class BridgeOptions(CarSettings, BusSettings):
     """write the summary to this JSON file"""
     quiet: bool = False
     """no progress on stderr; errors and the result remain"""
-
-    @field_validator("signals")
-    @classmethod
-    def _require_classic_frames(cls, found: Path | None, info: ValidationInfo) -> Path | None:
-        if found is not None and info.data.get("fd"):
-            raise ValueError("expected a bus of classic CAN, where a car has its own messages")
-        return found
 
 
 @app.default

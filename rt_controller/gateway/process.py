@@ -84,20 +84,18 @@ class Gateway:
         bus: can.BusABC,
         car: CarFile,
         lateral_speed: LateralSpeed,
-        is_fd: bool = False,
         description: Car = DEFAULT_CAR,
     ) -> None:
         """Nothing is sent yet.
 
         Args:
-            car_bus: with the car's own messages; always classic CAN.
-            bus: with those of the contract, in frames of CAN FD if `is_fd`.
+            car_bus: with the car's own messages.
+            bus: with those of the contract.
             car: its mapping.
             lateral_speed: estimates v_y where the car does not send it.
-            is_fd: see `bus`.
             description: of the car.
         """
-        self.car_end = CarEnd(car, lateral_speed, bus, is_fd)
+        self.car_end = CarEnd(car, lateral_speed, bus)
         self.counts = GatewayCounts()
         self._car_bus = car_bus
         self._bus = bus

@@ -331,8 +331,14 @@ class SignalWriter:
         data = bytearray(message.encode(raws, scaling=False, strict=False))
         if frame.place is not None:
             frame.place.write(data, frame.checksum(number, data, counter))
-        is_extended = message.is_extended_frame
-        return can.Message(0.0, number, is_extended, is_rx=False, data=data, check=True)
+        return can.Message(
+            arbitration_id=number,
+            is_extended_id=message.is_extended_frame,
+            is_fd=message.is_fd,
+            is_rx=False,
+            data=data,
+            check=True,
+        )
 
 
 def _located(
@@ -407,10 +413,10 @@ def _require_sendable(frame: _Frame) -> None:
             f"{', '.join(settings.driving) or 'none'} and {', '.join(settings.standby) or 'none'}. "
             f"Write every signal in both."
         )
-    if message.is_fd or message.length > 8:
+    if message.length > 8 and not message.is_fd:
         raise ConfigError(
             f"{message.name}: expected a classic CAN frame of at most 8 bytes, found "
-            f"{message.length}. Commands go out in classic frames only."
+            f"{message.length}. Give a message of CAN FD the VFrameFormat of CAN FD in the DBC."
         )
 
 

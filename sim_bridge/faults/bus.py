@@ -8,8 +8,8 @@ from copy import copy
 import can
 import numpy as np
 
+from rt_controller.bus.codec import LARGEST_FLAGS, FrameCodec
 from rt_controller.bus.codec import VALID as IS_VALID
-from rt_controller.bus.codec import FrameCodec
 from rt_controller.bus.log.recorder import Recorder
 from rt_controller.bus.messages import CATALOGUE, Node
 from rt_controller.contract.signals import ControlInput
@@ -172,7 +172,7 @@ def _write(codec: FrameCodec, values: Sequence[float], counter: int) -> bytes:
     flag, *rest = values
     if FRAMES[codec.name].values[0] == VALID:
         return codec.write(tuple(rest), counter, is_valid=flag > 0.0)
-    return codec.write((min(max(round(flag), 0), codec.largest_flags), *rest), counter)
+    return codec.write((min(max(round(flag), 0), LARGEST_FLAGS), *rest), counter)
 
 
 def _stages(faults: Sequence[Fault], direction: int) -> list[FrameFault]:
