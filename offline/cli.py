@@ -64,9 +64,6 @@ export_app = new_app("offline-export", "Make the bundle that rt-controller drive
 evaluate_app = new_app(
     "offline-evaluate", "Predict two seconds ahead on held-out data, beside the baselines."
 )
-report_app = new_app(
-    "offline-report", "The evaluation with its plots, as one page that needs no network."
-)
 replay_app = new_app(
     "offline-replay",
     "Drive the simulated car with the recorded steering and speed of a real one, and print how far "
@@ -217,30 +214,22 @@ def export(
 
 
 @evaluate_app.default
-def evaluate(*, options: EvaluationOptions = HELD_OUT, json_file: JsonFile = None) -> None:
-    """Errors over 80 open-loop steps on the test trajectories, as in the paper's Table I."""
+def evaluate(
+    *,
+    options: EvaluationOptions = HELD_OUT,
+    html: Path | None = None,
+    json_file: JsonFile = None,
+) -> None:
+    """Errors over 80 open-loop steps on the test trajectories, as in the paper's Table I.
+
+    Args:
+        html: write a page with the first table and four pictures: errors over time, comparison
+            with the baselines, eigenvalues, and the paper's double lane change
+    """
     require_ready(json_file)
     from offline.commands import evaluation
 
-    write_figures(json_file, evaluation.evaluate_models(options))
-
-
-@report_app.default
-def report(
-    *, output: Path, options: EvaluationOptions = HELD_OUT, json_file: JsonFile = None
-) -> None:
-    """The evaluation as a page with tables, plots and the paper's double lane change.
-
-    Args:
-        output: HTML file to write
-    """
-    require_ready(json_file)
-    from rt_controller.report.page import require_report_extra
-
-    require_report_extra("offline-report")
-    from offline.commands import report_page
-
-    write_figures(json_file, report_page.write_report(output, options))
+    write_figures(json_file, evaluation.evaluate_models(options, html))
 
 
 @replay_app.default
@@ -281,5 +270,4 @@ import_main = partial(run_command, import_app)
 train_main = partial(run_command, train_app)
 export_main = partial(run_command, export_app)
 evaluate_main = partial(run_command, evaluate_app)
-report_main = partial(run_command, report_app)
 replay_main = partial(run_command, replay_app)

@@ -66,7 +66,6 @@ def run(*, options: Annotated[BridgeOptions, Parameter(name="*")]) -> int:
 def validate(
     *,
     car: str | None = None,
-    html: Path | None = None,
     json_file: Annotated[Path | None, Parameter(name="--json")] = None,
 ) -> int:
     """Compare the own car with published measurements; 1 if a line missed its target.
@@ -75,15 +74,13 @@ def validate(
     ----------
     car
         drive all tests with this car; default: each test with the car that its targets belong to
-    html
-        write tables and plots to this page
     json_file
         write the lines to this file: test, name, car, kind, target, reached,
         tolerance, ok, source
     """
     from sim_bridge.validation import command
 
-    return command.validate(car, html, json_file)
+    return command.validate(car, json_file)
 
 
 def main() -> None:
