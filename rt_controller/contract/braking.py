@@ -56,7 +56,7 @@ def brake_beside_n(
 ) -> float:
     """Brake force that leaves grip to a car that turns, in N.
 
-    A car that turns otherwise than its wheel slides: the larger one of the two counts.
+    A car that turns otherwise than its wheel slides: it needs the grip of both.
 
     Args:
         state: of the car.
@@ -68,7 +68,9 @@ def brake_beside_n(
     """
     lateral_mps2 = state.vx_mps * state.yaw_rate_radps
     wanted_mps2 = geometry.steady_lateral_mps2(state.vx_mps, steer_rad)
-    beside_n = HARD_BRAKE_N - LESS_BRAKE_N_PER_MPS2 * max(abs(lateral_mps2), abs(wanted_mps2))
-    beside_n = max(beside_n, least_brake_n(state.vx_mps, stop_mps))
+    slide_mps2 = abs(wanted_mps2 - lateral_mps2)
+    used_mps2 = max(abs(lateral_mps2), abs(wanted_mps2)) + slide_mps2
+    least_n = least_brake_n(state.vx_mps, stop_mps)
+    beside_n = max(HARD_BRAKE_N - LESS_BRAKE_N_PER_MPS2 * used_mps2, least_n)
     driven_n = OPEN_THROTTLE_N * open_throttle if open_throttle > 0.0 else 0.0
     return min(min(beside_n, most_n) + driven_n, FULL_BRAKE_N)

@@ -155,9 +155,9 @@ def turning(lateral_mps2, vx_mps=20.0):
         (StopCause.STATE_LOST, True, turning(0.0), {}, ALONG_PATH),
         (StopCause.NONE, True, turning(1.0), {}, ALONG_PATH),
         (StopCause.NONE, True, turning(-3.0), {}, Braking(40.0, 150.0)),
-        # of a car that slides, the larger of what it does and what its wheel asks for
-        (StopCause.NONE, True, (turning(1.0)[0], turning(3.0)[1]), {}, Braking(40.0, 150.0)),
-        (StopCause.NONE, True, (turning(3.0)[0], turning(-1.0)[1]), {}, Braking(40.0, 150.0)),
+        # a car that slides needs the grip of what it does and of what its wheel asks for
+        (StopCause.NONE, True, (turning(1.0)[0], turning(2.0)[1]), {}, Braking(40.0, 150.0)),
+        (StopCause.NONE, True, (turning(1.0)[0], turning(-1.0)[1]), {}, Braking(40.0, 150.0)),
         (StopCause.NONE, True, turning(4.0, 8.9), {}, Braking(60.0, 150.0)),
         (StopCause.NONE, True, turning(5.0), {"stop_mps": 18.7}, Braking(45.0, 150.0)),
         (StopCause.REFERENCE_LOST, False, turning(0.0), {}, LOST),
