@@ -120,11 +120,6 @@ def _tag(raw: Any) -> str | None:
     return None if is_of_a_file else _OBJECT
 
 
-def is_tag(part: str | int) -> bool:
-    """True if a part of an error's place is a tag and not a field."""
-    return isinstance(part, str) and part.startswith("(")
-
-
 def form_of_table(
     low: float,
     high: float,
