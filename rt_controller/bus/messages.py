@@ -122,6 +122,15 @@ class Message(Generic[T]):
         return [(c, slice(end - c.n_values, end)) for c, end in zip(self.codecs, ends, strict=True)]
 
     @property
+    def ranges(self) -> list[tuple[float, float]]:
+        """Lowest and highest physical value in the DBC, in the order of the values."""
+        return [
+            (s.raw_min * s.scale + s.offset, s.raw_max * s.scale + s.offset)
+            for codec in self.codecs
+            for s in codec.signals
+        ]
+
+    @property
     def cycle_ms(self) -> float:
         return self.cycle_ticks * PERIOD_MS
 
