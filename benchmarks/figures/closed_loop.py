@@ -23,7 +23,7 @@ from sim_bridge.scenario import Scenario, load_scenario
 
 ROOT = Path(__file__).parents[2]
 MODELS = ("mdk-net", "mdk-net-paper", "lti")
-RIVALS = ("bicycle-mpc", "bicycle-nmpc", "stanley")
+RIVALS = ("bicycle-mpc", "stanley")
 _TRUE = ("ey_rms_m", "ey_peak_m", "epsi_peak_rad", "speed_rms_mps", "speed_peak_mps")
 """figures that are measured at the car, not on the bus"""
 _OF_STOP = ("stop_error_m", "creep_m", "hold_steer_rad")
@@ -141,20 +141,12 @@ def _drive_with_rival(name: str, scenario: Scenario, plant: str) -> Drive:
 
 _MOVING = tuple(row.name for row in ROWS if not row.has_stop)
 """where the law of low speeds, which all controllers share, does not decide"""
-_AT_LIMITS = (
-    "lane change, 60 km/h",
-    "lane change over 38 m, 80 km/h",
-    "sine, 60 km/h",
-    _FAST_SINE,
-    "lane change, 80 km/h, friction 0.6, mass +20 %",
-)
 """where the solution of a nonlinear program may differ from its first linearisation"""
 CONTROLLERS = {
     **{model: Controller(partial(_drive_with_model, model), (model,)) for model in MODELS},
     "linear_model.py": Controller(_drive_with_example, rows=("lane change, 80 km/h",)),
     **{name: Controller(partial(_drive_with_rival, name), rows=_MOVING) for name in RIVALS},
 }
-CONTROLLERS["bicycle-nmpc"] = CONTROLLERS["bicycle-nmpc"]._replace(rows=_AT_LIMITS)
 
 
 def parts() -> Iterator[Part]:

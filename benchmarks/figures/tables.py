@@ -94,7 +94,7 @@ TABLES: dict[str, tuple[str, Callable[[Figures], str]]] = {
         [name for name in CONTROLLERS if name not in RIVALS],
     ),
     "rivals_short": _drives(
-        "{ey_rms_m:.3f}", _rows(lambda row: _OF_README.match(row.name)), ("mdk-net", *RIVALS[::2])
+        "{ey_rms_m:.3f}", _rows(lambda row: _OF_README.match(row.name)), ("mdk-net", *RIVALS)
     ),
     "rivals": _drives(
         "{ey_rms_m:.3f}, {wheel_rate_rms_degps:.0f}",
@@ -104,7 +104,7 @@ TABLES: dict[str, tuple[str, Callable[[Figures], str]]] = {
     "rivals_speed": _drives(
         "{speed_rms_mps:.2f}, {speed_peak_mps:.2f}",
         _rows(lambda row: row.changes_speed),
-        ("mdk-net", *RIVALS[::2]),
+        ("mdk-net", *RIVALS),
     ),
     "lateral_error": _drives("{ey_rms_m:.3f}, {ey_peak_m:.3f}", _rows(lambda row: True)),
     "speed_and_wheel": _drives(

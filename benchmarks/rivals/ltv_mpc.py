@@ -2,9 +2,7 @@
 
 Course cost, horizon, knots, input limits, pedals, compensation of the delay, estimator and QP are
 those of `Mpc`. `BicycleMpc` linearises along the last plan and solves one QP a period (linear
-time-varying MPC); with more iterations it is a nonlinear MPC: a Gauss-Newton SQP, whose QPs are
-linearised along the solution of the one before until it stays the same (Diehl, Bock and Schlöder,
-2005).
+time-varying MPC).
 """
 
 from typing import Any
@@ -17,11 +15,7 @@ from rt_controller.contract.arrays import Array
 from rt_controller.contract.signals import N_INPUTS, N_STATES, ControlInput
 from rt_controller.control.estimator import MOTION_GAIN, Estimator
 from rt_controller.control.mpc import MOST_UNDER_WAY, Mpc
-from rt_controller.control.program import SolveStatus
 from rt_controller.model.bundle import Bundle
-
-CONVERGED, MOST_ITERATIONS = 1e-4, 10
-"""largest change of an input between two iterations, as a share of its range; QPs in a period"""
 
 
 class BicycleLinearisation:
@@ -59,9 +53,9 @@ def bicycle_estimator(
 
 
 class BicycleMpc(Mpc):
-    """Linear time-varying MPC with the bicycle; nonlinear MPC if `is_iterated`."""
+    """Linear time-varying MPC with the bicycle."""
 
-    def __init__(self, bicycle: Bicycle, settings: MpcSettings, is_iterated: bool = False) -> None:
+    def __init__(self, bicycle: Bicycle, settings: MpcSettings) -> None:
         bundle = bicycle.bundle()
         super().__init__(bundle, settings.horizon, settings.cost())
         # The product has one linearisation only, so its type provides for no other one.
@@ -70,26 +64,6 @@ class BicycleMpc(Mpc):
         self._estimator = bicycle_estimator(
             bicycle, bundle, settings.horizon + MOST_UNDER_WAY, settings.disturbance_gain
         )
-        self._iterations_left = MOST_ITERATIONS - 1 if is_iterated else 0
-
-    def plan(self, *arguments: Any) -> SolveStatus:
-        status = super().plan(*arguments)
-        qp, solver = self._qp, self._solver
-        for _ in range(self._iterations_left):
-            if status is not SolveStatus.SOLVED:
-                break
-            before = solver.solution.copy()
-            qp.u_nominal[:] = (before * qp.scale).reshape(-1, N_INPUTS)
-            qp.update_matrices()
-            solver.update_matrices()
-            qp.update_vectors()
-            status = solver.solve()
-            self._has_plan = status is SolveStatus.SOLVED
-            if self._has_plan:
-                np.dot(qp.T, (solver.solution * qp.scale).reshape(-1, N_INPUTS), out=self.inputs)
-                if np.abs(solver.solution - before).max() < CONVERGED:
-                    break
-        return status
 
     @property
     def lifted(self) -> Any:
