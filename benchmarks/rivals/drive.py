@@ -16,6 +16,8 @@ from rt_controller.simulation import drive_in_lockstep
 from sim_bridge.scenario import Scenario
 
 STANLEY, LTV = "stanley", "bicycle-mpc"
+TUNED = (STANLEY, LTV)
+"""rivals with a result of `python -m benchmarks.tuning`, in a file of their name"""
 Values = Mapping[str, float]
 
 
