@@ -128,8 +128,8 @@ class Sine(FileTable):
         return np.asarray(self.amplitude_m * grown * np.sin(2.0 * pi * turns))
 
 
-def on_road(found: Any) -> Any:
-    """The path of a file: its table, or its kind."""
+def to_lateral(found: Any) -> Any:
+    """The path that a file gives as a number, a table, moves or a sine; else what was found."""
     if isinstance(found, OverDistance | OverTime):
         if found.interpolation is Interpolation.STEP:
             raise ValueError("interpolation: expected linear, pchip or spline, found step")

@@ -21,7 +21,6 @@ from sim_bridge.scenario.checks import problems
 from sim_bridge.scenario.map_drive import scenario_of_map
 from sim_bridge.scenario.nominal_drive import fix_path
 from sim_bridge.scenario.scenario import Scenario, ScenarioFile
-from sim_bridge.scenario.values import is_tag
 from sim_bridge.toml_file import FileTable, read_shipped_or_own, shipped_names
 
 SCENARIOS_FOLDER = "scenarios"
@@ -124,7 +123,7 @@ def _listed(where: str, lines: list[str]) -> str:
 def _lines(refused: ValidationError, raw: Mapping[str, Any]) -> Iterator[str]:
     errors = [each for each in refused.errors() if each["type"] != "default_factory_not_called"]
     for error in errors[:LISTED_ERRORS]:
-        parts = tuple(part for part in error["loc"] if not is_tag(part))
+        parts = tuple(part for part in error["loc"] if not str(part).startswith("("))
         place = dotted(parts).removesuffix(".[key]")
         if error["type"] != "value_error":
             is_unknown = error["type"] == "extra_forbidden"

@@ -19,7 +19,7 @@ from sim_bridge.scenario.limits import (
 )
 from sim_bridge.scenario.opendrive import ReferenceLine, read_reference_line
 from sim_bridge.scenario.table import Ramp, Table, chained, constant
-from sim_bridge.scenario.values import NotNegative, form_of_table
+from sim_bridge.scenario.values import NotNegative, OverDistance, table_within
 from sim_bridge.toml_file import FileTable, Number, at_most, not_empty
 
 _Radius = Annotated[Number, Field(ge=SMALLEST_RADIUS_M)]
@@ -79,15 +79,20 @@ class CourseOfBends(FileTable):
 
 _Curvature = Annotated[
     Table,
-    form_of_table(-LARGEST_CURVATURE_PER_M, LARGEST_CURVATURE_PER_M, "1/m", kinds=(CourseOfBends,)),
+    table_within(
+        -LARGEST_CURVATURE_PER_M,
+        LARGEST_CURVATURE_PER_M,
+        "1/m",
+        tables=(OverDistance, CourseOfBends),
+    ),
 ]
-_Friction = Annotated[Table, form_of_table(LEAST_FRICTION, MOST_FRICTION)]
+_Friction = Annotated[Table, table_within(LEAST_FRICTION, MOST_FRICTION)]
 _Bank = Annotated[
-    Table, form_of_table(-STEEPEST_BANK_DEG, STEEPEST_BANK_DEG, "deg", factor=radians(1.0))
+    Table, table_within(-STEEPEST_BANK_DEG, STEEPEST_BANK_DEG, "deg", factor=radians(1.0))
 ]
-_Grade = Annotated[Table, form_of_table(-STEEPEST_PERCENT, STEEPEST_PERCENT, "%", factor=0.01)]
+_Grade = Annotated[Table, table_within(-STEEPEST_PERCENT, STEEPEST_PERCENT, "%", factor=0.01)]
 _Length = Annotated[float, Field(gt=0.0, strict=True)]
-_Width = Annotated[Table, form_of_table(2.0, 100.0, "m")]
+_Width = Annotated[Table, table_within(2.0, 100.0, "m")]
 
 
 class OpenDrive(FileTable):

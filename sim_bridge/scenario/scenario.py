@@ -17,7 +17,7 @@ from sim_bridge.faults.fault import Fault, Faults
 from sim_bridge.plant.parts import NO_PAYLOAD, Payload
 from sim_bridge.plant.protocol import RoadAt
 from sim_bridge.scenario.courses import Body, Course, IsoLaneChange, Slalom
-from sim_bridge.scenario.lateral import Lateral, Moves, Sine, on_road
+from sim_bridge.scenario.lateral import Lateral, Moves, Sine, to_lateral
 from sim_bridge.scenario.limits import (
     FASTEST_KMH,
     KMH_PER_MPS,
@@ -39,12 +39,12 @@ from sim_bridge.scenario.speed import (
 )
 from sim_bridge.scenario.table import Table, constant
 from sim_bridge.scenario.values import (
-    Form,
     NotNegative,
     OverDistance,
     OverTime,
     Positive,
-    form_of_table,
+    Written,
+    table_within,
 )
 from sim_bridge.toml_file import FileTable, Number, at_most
 
@@ -239,7 +239,7 @@ class Reference(FileTable):
     speed_kmh: WantedSpeed
     ey_m: Annotated[
         Lateral | Slalom | IsoLaneChange,
-        Form((OverDistance, OverTime), on_road, (Moves, Sine, Slalom, IsoLaneChange)),
+        Written((OverDistance, OverTime, Moves, Sine, Slalom, IsoLaneChange), to_lateral),
     ] = Lateral(constant(0.0))
 
 
@@ -259,7 +259,7 @@ def _known_metric(name: str) -> str:
 
 _MetricName = Annotated[str, AfterValidator(_known_metric)]
 _Wind = Annotated[
-    Table, form_of_table(-STRONGEST_WIND_MPS, STRONGEST_WIND_MPS, "m/s", over=OverTime)
+    Table, table_within(-STRONGEST_WIND_MPS, STRONGEST_WIND_MPS, "m/s", tables=(OverTime,))
 ]
 
 
@@ -301,7 +301,7 @@ class ScenarioFile(FileTable):
         fastest_m = start.s_m + self.duration_s * FASTEST_KMH / KMH_PER_MPS
         speed = self.reference.speed_kmh
         if not isinstance(speed, SpeedProfile):
-            speed = speed.on_road(road.curvature_per_m, min(end_m, fastest_m))
+            speed = speed.profile(road.curvature_per_m, min(end_m, fastest_m))
         if isinstance(path, Lateral):
             course, lateral = Course(self.body), path
         else:

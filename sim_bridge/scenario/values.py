@@ -3,11 +3,19 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from datetime import date, time
+from functools import cached_property
 from itertools import pairwise
-from typing import Annotated, Any, ClassVar, Self, get_args
+from typing import Annotated, Any, ClassVar, Self, Union, get_args
 
-from pydantic import Field, GetCoreSchemaHandler, model_validator
-from pydantic_core import CoreSchema, core_schema
+from pydantic import (
+    AfterValidator,
+    Discriminator,
+    Field,
+    GetCoreSchemaHandler,
+    Tag,
+    model_validator,
+)
+from pydantic_core import CoreSchema
 
 from sim_bridge.scenario.table import Interpolation, Table, constant, through
 from sim_bridge.toml_file import FileTable, Number
@@ -73,42 +81,51 @@ class OverTime(Knots):
 
 
 @dataclass(frozen=True)
-class Form:
-    """What a field accepts, as its annotation: a number, knots over its axes, or its kinds.
+class Written:
+    """How a file may give the value of a field: a number, or one of some tables.
 
-    A value that is not from a file is passed to `then` as it is.
+    It is the annotation of the field. A value that is not of a file, such as a `Table`, is passed
+    to `convert` as it is.
     """
 
-    axes: tuple[type[Knots], ...]
-    then: Callable[[Any], Any]
+    tables: tuple[type[FileTable], ...]
+    """knots over an axis, or a table whose `kind` says what it is"""
+    convert: Callable[[Any], Any]
     """from what was read to the value of the field"""
-    kinds: tuple[type[FileTable], ...] = ()
+
+    @cached_property
+    def by_tag(self) -> dict[str, type[FileTable]]:
+        """The tables by their axis or kind, in parentheses: a tag is no part of a field's name."""
+        return {f"({tag})": table for table in self.tables for tag in _tags_of(table)}
 
     def __get_pydantic_core_schema__(
         self, source: Any, handler: GetCoreSchemaHandler
     ) -> CoreSchema:
-        """The number, table or kind by its tag, then `then`."""
-        kinds = {
-            kind: table
-            for table in self.kinds
-            for kind in get_args(table.model_fields["kind"].annotation)
-        }
-        tables = {each.axis: each for each in self.axes} | kinds
-        choices = {f"({tag})": handler.generate_schema(table) for tag, table in tables.items()}
-        choices |= {_NUMBER: handler.generate_schema(Number), _OBJECT: core_schema.any_schema()}
-        axes = " or ".join(each.axis for each in self.axes)
+        """The number or the table by its tag, then `convert`."""
+        axes = " or ".join(each.axis for each in self.tables if issubclass(each, Knots))
+        kinds = [tag for table in self.tables if "kind" in table.model_fields
+                 for tag in _tags_of(table)]  # fmt: skip
         known = f", or kind = {', '.join(kinds)} with its fields" if kinds else ""
-        form = core_schema.tagged_union_schema(
-            choices,
-            _tag,
-            custom_error_type="scenario_form",
-            custom_error_message=f"expected a number, a table with value and {axes}{known}",
-        )
-        return core_schema.no_info_after_validator_function(self.then, form)
+        members = [Annotated[table, Tag(tag)] for tag, table in self.by_tag.items()]
+        form = Annotated[
+            Union[*members, Annotated[Number, Tag(_NUMBER)], Annotated[Any, Tag(_OBJECT)]],
+            Discriminator(
+                _tag,
+                custom_error_type="form",
+                custom_error_message=f"expected a number, a table with value and {axes}{known}",
+            ),
+            AfterValidator(self.convert),
+        ]
+        return handler.generate_schema(form)
 
 
 _NUMBER, _OBJECT = "(number)", "(object)"
-"""tags are in parentheses, so that messages can leave them out"""
+
+
+def _tags_of(table: type[FileTable]) -> tuple[str, ...]:
+    if issubclass(table, Knots):
+        return (table.axis,)
+    return get_args(table.model_fields["kind"].annotation)
 
 
 def _tag(raw: Any) -> str | None:
@@ -120,26 +137,20 @@ def _tag(raw: Any) -> str | None:
     return None if is_of_a_file else _OBJECT
 
 
-def is_tag(part: str | int) -> bool:
-    """True if a part of an error's place is a tag and not a field."""
-    return isinstance(part, str) and part.startswith("(")
-
-
-def form_of_table(
+def table_within(
     low: float,
     high: float,
     unit: str = "",
     *,
     factor: float = 1.0,
-    over: type[Knots] = OverDistance,
-    kinds: tuple[type[FileTable], ...] = (),
-) -> Form:
-    """The form of a `Table` in SI units, of a field with limits in its own `unit`.
+    tables: tuple[type[FileTable], ...] = (OverDistance,),
+) -> Written:
+    """A field that is a `Table` in SI units, with limits in its own `unit`.
 
     `factor` converts to SI.
     """
 
-    def then(found: Any) -> Table:
+    def convert(found: Any) -> Table:
         if isinstance(found, Table):  # of a map, in SI units
             require_within(found.scaled(1.0 / factor), low, high, unit)
             return found
@@ -147,7 +158,7 @@ def form_of_table(
         require_within(table, low, high, unit)
         return table if factor == 1.0 else table.scaled(factor)
 
-    return Form((over,), then, kinds)
+    return Written(tables, convert)
 
 
 def require_within(table: Table, low: float, high: float, unit: str) -> None:

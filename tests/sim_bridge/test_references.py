@@ -102,7 +102,7 @@ def test_the_speed_for_bends_keeps_all_three_accelerations() -> None:
         kind="curve_speed", max_kmh=108.0, lateral_mps2=4.0, acceleration_mps2=1.5,
         deceleration_mps2=2.0,
     )  # fmt: skip
-    profile = wanted.on_road(curvature, 600.0)
+    profile = wanted.profile(curvature, 600.0)
     speeds = [profile.at(float(s), 0.0) for s in range(600)]
     assert speeds[200] == pytest.approx(20.0)
     for before, after in pairwise(speeds):

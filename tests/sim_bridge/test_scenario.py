@@ -196,9 +196,7 @@ def plain(**parts: Any) -> Scenario:
          "-2.5 m/s^2 on a slope of -10.0 %"),
         ({"road": {"friction": {"s_m": [0.0, 30.0], "value": [0.9, 0.1], "interpolation": "step"}},
           "reference": BRAKING}, "reference.speed_kmh: expected an acceleration below the grip"),
-        ({"reference": {"speed_kmh": {
-            "kind": "stop_and_go", "cruise_kmh": 60.0, "first_stop_s_m": 20.0, "spacing_m": 80.0,
-            "count": 2}}, "stops": [{"at_s_m": 300.0}]},
+        ({"stops": [{"at_s_m": 20.0, "hold_s": 3.0}, {"at_s_m": 300.0}]},
          "stops: expected at least the braking distance of 55.6 m"),
         ({"initial": {"speed_kmh": 0.0}, "reference": {"speed_kmh": 60.0, "ey_m": TIME_SINE}},
          "reference.ey_m: expected a path whose cubic over the next 1.1 s or 4 m fits the frames"),
