@@ -4,7 +4,7 @@ import re
 from collections.abc import Callable, Container, Iterator, Mapping, Sequence
 from itertools import islice
 from types import NoneType, UnionType
-from typing import Any, Union, get_args, get_origin
+from typing import Annotated, Any, Union, get_args, get_origin
 
 from rt_controller.contract.names import hint
 
@@ -28,41 +28,44 @@ _EXPECTED = {
     "int_parsing_size": "an integer of fewer digits",
     **dict.fromkeys(("float_parsing", "float_type"), "a number"),
     **dict.fromkeys(("bool_parsing", "bool_type"), "true or false"),
-    **dict.fromkeys(("dict_type", "model_type", "model_attributes_type"), "a table"),
+    **dict.fromkeys(
+        ("dict_type", "model_type", "model_attributes_type", "dataclass_type"), "a table"
+    ),
     **dict.fromkeys(("list_type", "tuple_type"), "a list"),
 }
 _LISTED_CHARACTERS, _TEXT_CHARACTERS = 60, 400
 """of a value that was found, and of one that is a text: a long path is shown whole"""
+_FIELD_FIRST = re.compile(r"[\w.\[\]]+: expected")
+"""a line of a check of a whole table"""
 LISTED_ERRORS = 20
 """the first ones, which is enough of thousands: the hints take milliseconds each"""
 
 
 def explain(refused: Any, name_of: Callable[[Location], str], table: Any = None) -> str:
-    """One line "NAME: expected …, found …" for each refused field, at most `LISTED_ERRORS`.
+    """One line "NAME: expected …, found …" for each refused field, at most `LISTED_ERRORS` of them.
 
     Args:
         refused: a `pydantic.ValidationError`.
         name_of: the name that the user wrote for a field at this place.
-        table: the pydantic model that refused; knows which fields exist, for a hint where a name
+        table: the pydantic class that refused; knows which fields exist, for a hint where a name
             is misspelt, and for one line where each type of a union was tried.
     """
     errors: dict[Location, list[Mapping[str, Any]]] = {}
     known: dict[Location, list[str]] = {}
     for error in refused.errors():
+        if error["type"] == "default_factory_not_called":  # since another field was refused
+            continue
         place, known_here = _locate(tuple(error["loc"]), table)
         errors.setdefault(place, []).append(error)
         known[place] = known_here
     lines = [
-        explain_field(errors[place], name_of(place), known[place])
+        line
         for place in islice(errors, LISTED_ERRORS)
+        for line in _explain_place(errors[place], place, name_of, known[place])
     ]
-    return "\n".join((*lines, *unlisted(len(errors))))
-
-
-def unlisted(errors: int) -> Iterator[str]:
-    """The line after the listed ones, if a file has more errors than are listed."""
-    if errors > LISTED_ERRORS:
-        yield f"… and {errors - LISTED_ERRORS} more. Correct these first."
+    if len(errors) > LISTED_ERRORS:
+        lines.append(f"… and {len(errors) - LISTED_ERRORS} more. Correct these first.")
+    return "\n".join(lines)
 
 
 def dotted(location: Location) -> str:
@@ -89,28 +92,70 @@ def with_options(message: str, options: Container[str]) -> str:
 
 
 def _locate(place: Location, table: Any) -> tuple[Location, list[str]]:
-    """The place without the types of a union at its end, and the fields known beside it."""
+    """The place without the types and tags of a union, and the fields known beside it."""
+    shown = tuple(part for part in place if not str(part).startswith(("(", "[")))
+    tables: Mapping[str, Any] = {}
     fields: dict[str, Any] = {}
     for depth, part in enumerate(place, 1):
-        known = getattr(table, "model_fields", {})
-        fields = {field.alias or name: field for name, field in known.items()}
-        if part not in fields:
-            break
-        table = fields[part].annotation
-        if get_origin(table) in (Union, UnionType):
-            table, *others = (member for member in get_args(table) if member is not NoneType)
-            if others:
+        if part in tables:
+            table = tables[str(part)]
+        elif not isinstance(part, int):  # the type of an entry is already that of its list
+            known = getattr(table, "__pydantic_fields__", {})
+            fields = {field.alias or name: field for name, field in known.items()}
+            if part not in fields:
+                break
+            table, tables, is_union = _type_of(fields[str(part)])
+            if is_union:
                 return place[:depth], sorted(fields)
-    return place, sorted(fields)
+    return shown, sorted(fields)
 
 
-def explain_field(errors: Sequence[Mapping[str, Any]], name: str, known: list[str]) -> str:
+def _type_of(field: Any) -> tuple[Any, Mapping[str, Any], bool]:
+    """Type of a field or of its entries, its tables by their tags, and whether it is a union."""
+    kind, said = field.annotation, list(field.metadata)
+    while True:
+        for note in said:
+            if hasattr(note, "by_tag"):
+                return kind, note.by_tag, False
+        if get_origin(kind) is Annotated:
+            kind, *said = get_args(kind)
+        elif get_origin(kind) in (Union, UnionType):
+            kind, *others = (member for member in get_args(kind) if member is not NoneType)
+            if others:
+                return kind, {}, True
+        elif get_origin(kind) in (list, tuple):
+            kind = get_args(kind)[0]
+        else:
+            return kind, {}, False
+
+
+def _explain_place(
+    errors: Sequence[Mapping[str, Any]],
+    place: Location,
+    name_of: Callable[[Location], str],
+    known: list[str],
+) -> Iterator[str]:
+    """The line of a field; a check of a whole table has one for each field that it names."""
+    error = errors[0]
+    is_of_table = error["type"] == "value_error" and isinstance(error["input"], Mapping)
+    reasons = str(error["ctx"]["error"]).splitlines() if is_of_table else []
+    name = name_of(place)
+    if name and not all(_FIELD_FIRST.match(reason) for reason in reasons):
+        reasons = []
+    for reason in reasons:
+        field, _, text = reason.partition(": ")
+        yield f"{name_of((*place, field))}: {text.rstrip('.')}." if name else reason
+    if not reasons:
+        yield _explain_field(errors, name, known)
+
+
+def _explain_field(errors: Sequence[Mapping[str, Any]], name: str, known: list[str]) -> str:
     """The line of a field; several errors are those of the types of a union."""
     texts = [_expected(error) for error in errors]
     # What is wrong with a value of the right type says more than the types themselves.
     error = errors[texts.index(None) if None in texts else 0]
     kind = error["type"]
-    if kind == "extra_forbidden":
+    if kind in ("extra_forbidden", "unexpected_keyword_argument"):
         near = hint(str(error["loc"][-1]), known)
         listed = f" Known: {', '.join(known)}." if known and not near else ""
         return f"{name}: no such setting{near}.{listed}"

@@ -136,7 +136,7 @@ def _speed_problems(scenario: Scenario, drive: NominalDrive) -> Iterator[str]:
 
 def _stop_problems(scenario: Scenario, drive: NominalDrive) -> Iterator[str]:
     """A line for a stop that cannot be made or is not reached."""
-    stops, start = scenario.stops, scenario.start
+    stops, start = scenario.all_stops, scenario.start
     if not stops:
         return
     for stop, following in pairwise(stops):

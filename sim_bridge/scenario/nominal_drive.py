@@ -1,6 +1,7 @@
 """The drive that a scenario asks for: a point that follows its reference exactly."""
 
 from dataclasses import replace
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -41,14 +42,16 @@ class NominalDrive(NamedTuple):
     stops_reached: int
 
 
+@lru_cache(maxsize=2)
 def drive_nominally(scenario: Scenario) -> NominalDrive:
     """The scenario as a point that takes on the wanted speed from its initial one.
 
-    A drive of more than `LONGEST_ROAD_M` is followed so far.
+    A drive of more than `LONGEST_ROAD_M` is followed so far. The last ones are kept, since the
+    checks and the notes of a start look at the same one.
     """
     start, speed = scenario.start, scenario.speed
     reached = 0
-    if speed.is_constant and not scenario.stops and start.speed_mps == speed.highest_mps:
+    if speed.is_constant and not scenario.all_stops and start.speed_mps == speed.highest_mps:
         motion = _at_constant_speed(scenario)
     else:
         motion, reached = _period_by_period(scenario)
@@ -77,7 +80,8 @@ def fix_path(scenario: Scenario) -> Scenario:
     s_m = np.append(drive.s_m, drive.s_m[-1] + beyond_m)
     time_s = np.append(drive.time_s, drive.time_s[-1] + scenario.duration_s)
     lateral = Lateral(lambda place: over_time.law(np.interp(place, s_m, time_s)))
-    return replace(scenario, lateral=lateral)
+    reference = scenario.reference.model_copy(update={"ey_m": lateral})
+    return replace(scenario, reference=reference)
 
 
 def _at_constant_speed(scenario: Scenario) -> Motion:
@@ -91,7 +95,7 @@ def _at_constant_speed(scenario: Scenario) -> Motion:
 
 def _period_by_period(scenario: Scenario) -> tuple[Motion, int]:
     """The motion, and how many stops it reached."""
-    s_m, progress, stops = scenario.start.s_m, scenario.first_progress, scenario.stops
+    s_m, progress, stops = scenario.start.s_m, scenario.first_progress, scenario.all_stops
     before_mps = scenario.reference_speed_mps(s_m, 0.0, progress)
     speed_mps = scenario.start.speed_mps
     rows: list[tuple[float, float, float, float, bool]] = []

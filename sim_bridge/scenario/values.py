@@ -3,9 +3,10 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from datetime import date, time
-from functools import cached_property
+from functools import cached_property, reduce
 from itertools import pairwise
-from typing import Annotated, Any, ClassVar, Self, Union, get_args
+from operator import or_
+from typing import Annotated, Any, ClassVar, Self, get_args
 
 from pydantic import (
     AfterValidator,
@@ -103,12 +104,14 @@ class Written:
     ) -> CoreSchema:
         """The number or the table by its tag, then `convert`."""
         axes = " or ".join(each.axis for each in self.tables if issubclass(each, Knots))
-        kinds = [tag for table in self.tables if "kind" in table.model_fields
-                 for tag in _tags_of(table)]  # fmt: skip
-        known = f", or kind = {', '.join(kinds)} with its fields" if kinds else ""
-        members = [Annotated[table, Tag(tag)] for tag, table in self.by_tag.items()]
+        kinds = ", ".join(
+            tag[1:-1] for tag, table in self.by_tag.items() if not issubclass(table, Knots)
+        )
+        known = f", or kind = {kinds} with its fields" if kinds else ""
+        members: list[Any] = [Annotated[table, Tag(tag)] for tag, table in self.by_tag.items()]
+        members += [Annotated[Number, Tag(_NUMBER)], Annotated[Any, Tag(_OBJECT)]]
         form = Annotated[
-            Union[*members, Annotated[Number, Tag(_NUMBER)], Annotated[Any, Tag(_OBJECT)]],
+            reduce(or_, members),
             Discriminator(
                 _tag,
                 custom_error_type="form",
