@@ -139,7 +139,7 @@ def disturbed(condition: Condition) -> Scenario:
     slope = {"grade": condition.grade, "bank_rad": radians(condition.bank_deg)}
     changed = replace(
         scenario,
-        payload=Load(mass_kg=condition.mass_kg),
+        payload=Load.model_construct(mass_kg=condition.mass_kg),
         faults=tuple(faults),
         cross_wind_mps=constant(condition.wind_mps),
         road=scenario.road.model_copy(update={name: constant(x) for name, x in slope.items()}),

@@ -217,7 +217,7 @@ def scenario_of(row: Row) -> Scenario:
         road = scenario.road.model_copy(update={"curvature_per_m": mirrored})
         scenario = replace(scenario, road=road)
     if "mass_kg" in conditions:
-        scenario = replace(scenario, payload=Load(mass_kg=conditions["mass_kg"]))
+        scenario = replace(scenario, payload=Load.model_construct(mass_kg=conditions["mass_kg"]))
     if "deceleration_mps2" in conditions:
         (stop,) = scenario.stops
         stops = (stop.model_copy(update={"deceleration_mps2": conditions["deceleration_mps2"]}),)

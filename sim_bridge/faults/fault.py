@@ -47,10 +47,11 @@ class Fault(FileTable):
     """One fault; `docs/faults.md` describes the fields."""
 
     kind: Annotated[str, name_in({**KINDS, **SHORTHANDS})]
-    """of `KINDS`"""
+    """one of those in docs/faults.md"""
     start_s: Annotated[Number, Field(ge=0.0, le=LONGEST_S)] = 0.0
+    """less than `duration_s` of the scenario"""
     duration_s: Annotated[Number, Field(gt=0.0, le=LONGEST_S)] | None = None
-    """None: to the end of the drive"""
+    """without: to the end of the drive"""
     before_drive: bool = False
     """also while the car waits for a controller"""
     messages: Annotated[tuple[_Message, ...], AfterValidator(not_empty)] = ()

@@ -43,9 +43,11 @@ class Body(FileTable):
     """`[body]`: outline of the car from above, a rectangle around its centre of gravity."""
 
     width_m: Annotated[Number, Field(ge=0.5, le=4.0)] = 1.80
+    """of the outline of the car, for lanes and cones"""
     front_m: Annotated[Number, Field(ge=0.3, le=10.0)] = 1.90
     """from the centre of gravity to the front end"""
     rear_m: Annotated[Number, Field(ge=0.3, le=10.0)] = 2.45
+    """from the centre of gravity to the rear end"""
 
 
 class Cone(NamedTuple):

@@ -124,8 +124,8 @@ class OpenDrive(FileTable):
         return line._replace(bank_rad=flat, grade=flat) if self.flat else line
 
 
-def _of_map(part: str, otherwise: Any, alias: str | None = None) -> Any:
-    """A field whose default is what an OpenDRIVE file has, or `otherwise` without one."""
+def _from_map(part: str, otherwise: Any, alias: str | None = None) -> Any:
+    """A field whose default is this part of the map of `opendrive`, or `otherwise` without one."""
 
     def default(read: dict[str, Any]) -> Any:
         source = read.get("opendrive")
@@ -134,7 +134,7 @@ def _of_map(part: str, otherwise: Any, alias: str | None = None) -> Any:
     return Field(default_factory=default, validate_default=True, alias=alias)
 
 
-def _of_both_sides(read: dict[str, Any]) -> Table:
+def _both_sides(read: dict[str, Any]) -> Table:
     both = read.get("friction")
     return both if isinstance(both, Table) else constant(DRY_ASPHALT)
 
@@ -144,20 +144,21 @@ class Road(FileTable):
 
     opendrive: OpenDrive | None = None
     """instead of curvature, bank, grade and length"""
-    curvature_per_m: _Curvature = _of_map("curvature_per_m", constant(0.0))
+    curvature_per_m: _Curvature = _from_map("curvature_per_m", constant(0.0))
     """positive to the left"""
     friction: _Friction | None = None
-    """default of both sides; 1 is the road of the tyre test"""
-    friction_left: _Friction = Field(default_factory=_of_both_sides)
-    """under the left wheels"""
-    friction_right: _Friction = Field(default_factory=_of_both_sides)
-    bank_rad: _Bank = _of_map("bank_rad", constant(0.0), "bank_deg")
+    """of both sides, without: 0.85; 1 is the road of the tyre test"""
+    friction_left: _Friction = Field(default_factory=_both_sides)
+    """under the left wheels, with friction_right in place of friction"""
+    friction_right: _Friction = Field(default_factory=_both_sides)
+    """under the right wheels"""
+    bank_rad: _Bank = _from_map("bank_rad", constant(0.0), "bank_deg")
     """cross slope, positive if the left side is higher"""
-    grade: _Grade = _of_map("grade", constant(0.0), "grade_percent")
+    grade: _Grade = _from_map("grade", constant(0.0), "grade_percent")
     """rise over distance, positive uphill"""
     width_m: _Width | None = None
-    """of the lane around the reference line; None: not limited"""
-    length_m: _Length = _of_map("length_m", inf)
+    """of the lane around the reference line, on which the reference has to stay"""
+    length_m: _Length = _from_map("length_m", inf)
     """the drive is over where the road ends"""
 
     @model_validator(mode="before")

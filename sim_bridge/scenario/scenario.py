@@ -22,6 +22,7 @@ from sim_bridge.scenario.lateral import Lateral, Moves, Sine, to_lateral
 from sim_bridge.scenario.limits import (
     FASTEST_KMH,
     KMH_PER_MPS,
+    LARGEST_EY_M,
     LARGEST_START_EPSI_DEG,
     LARGEST_START_EY_M,
     LONGEST_S,
@@ -79,14 +80,17 @@ class Start(FileTable):
         Field(alias="speed_kmh", ge=0.0, le=FASTEST_KMH),
         AfterValidator(lambda kmh: kmh / KMH_PER_MPS),
     ] = nan
-    """NaN in a file: the wanted speed"""
+    """speed at the start, with engine, gear and tyres settled; without: the wanted speed"""
     s_m: NotNegative = 0.0
+    """arc length"""
     ey_m: Annotated[Number, Field(ge=-LARGEST_START_EY_M, le=LARGEST_START_EY_M)] = 0.0
+    """lateral position, positive to the left"""
     epsi_rad: Annotated[
         Number,
         Field(alias="epsi_deg", ge=-LARGEST_START_EPSI_DEG, le=LARGEST_START_EPSI_DEG),
         AfterValidator(radians),
     ] = 0.0
+    """heading against the road"""
 
 
 class Reference(FileTable):
@@ -95,7 +99,11 @@ class Reference(FileTable):
     speed_kmh: WantedSpeed
     ey_m: Annotated[
         Lateral | Slalom | IsoLaneChange,
-        Written((OverDistance, OverTime, Moves, Sine, Slalom, IsoLaneChange), to_lateral),
+        Written(
+            (OverDistance, OverTime, Moves, Sine, Slalom, IsoLaneChange),
+            to_lateral,
+            f"±{LARGEST_EY_M:g}",
+        ),
     ] = Lateral(constant(0.0))
 
 

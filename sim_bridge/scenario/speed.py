@@ -33,8 +33,9 @@ class Stop(FileTable):
     """`[[stops]]`: brake to rest at a place, hold, drive on."""
 
     at_s_m: NotNegative
+    """target"""
     hold_s: NotNegative = inf
-    """inf: to the end of the drive"""
+    """without: to the end of the drive"""
     deceleration_mps2: _Acceleration = 2.5
     acceleration_mps2: _Acceleration = 2.0
 
@@ -153,7 +154,12 @@ def _stop_at_end(s_m: Sequence[float], mps: Sequence[float]) -> tuple[Stop, ...]
     return (Stop.model_construct(at_s_m=s_m[k], deceleration_mps2=steepest),)
 
 
-WantedSpeed = Annotated[Speed, Written((OverDistance, OverTime, CurveSpeed), _to_speed)]
+WantedSpeed = Annotated[
+    Speed,
+    Written(
+        (OverDistance, OverTime, CurveSpeed), _to_speed, f"0, {SLOWEST_KMH:g}..{FASTEST_KMH:g}"
+    ),
+]
 
 
 class Progress(NamedTuple):

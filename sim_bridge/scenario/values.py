@@ -93,6 +93,8 @@ class Written:
     """knots over an axis, or a table whose `kind` says what it is"""
     convert: Callable[[Any], Any]
     """from what was read to the value of the field"""
+    limits: str
+    """in words"""
 
     @cached_property
     def by_tag(self) -> dict[str, type[FileTable]]:
@@ -110,7 +112,7 @@ class Written:
         known = f", or kind = {kinds} with its fields" if kinds else ""
         members: list[Any] = [Annotated[table, Tag(tag)] for tag, table in self.by_tag.items()]
         members += [Annotated[Number, Tag(_NUMBER)], Annotated[Any, Tag(_OBJECT)]]
-        form = Annotated[
+        form: Any = Annotated[
             reduce(or_, members),
             Discriminator(
                 _tag,
@@ -161,7 +163,8 @@ def table_within(
         require_within(table, low, high, unit)
         return table if factor == 1.0 else table.scaled(factor)
 
-    return Written(tables, convert)
+    span = f"±{high:g}" if low == -high else f"{low:g}..{high:g}"
+    return Written(tables, convert, span)
 
 
 def require_within(table: Table, low: float, high: float, unit: str) -> None:

@@ -23,7 +23,6 @@ from sim_bridge.scenario.courses import (
     road_margin_m,
 )
 from sim_bridge.scenario.lateral import Lateral
-from sim_bridge.scenario.loading import field_names
 from sim_bridge.scenario.metrics import LogRow, Metrics, judged, measure
 from sim_bridge.scenario.nominal_drive import drive_nominally
 from sim_bridge.scenario.speed import Stop
@@ -186,11 +185,8 @@ EXAMPLES = [
 ]
 
 
-def test_the_guide_has_every_field_and_figure_and_its_examples_load() -> None:
+def test_the_guide_has_every_figure_and_its_examples_load() -> None:
     for text in EXAMPLES:
         assert parse_scenario(tomllib.loads(text), "guide").ticks > 0
-    names = set().union(*field_names())
-    assert len(names) > 60
-    assert [name for name in sorted(names) if not re.search(rf"\b{name}\b", GUIDE)] == []
     for name in (*Metrics._fields, *shipped_scenarios()):
         assert f"`{name}`" in GUIDE, name

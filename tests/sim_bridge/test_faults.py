@@ -311,7 +311,7 @@ def test_a_frame_that_no_catalogue_has_can_be_sent_in_any_number(drive: FaultyDr
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        (None, "expected a TOML file"),
+        (None, "expected a faults file"),
         ("[[faults", "expected a TOML file"),
         ("faults = []", "faults: expected"),
         ('[[faults]]\nkind = "drop"\n', "faults[0].messages: expected messages for drop"),
