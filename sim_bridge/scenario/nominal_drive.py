@@ -32,12 +32,18 @@ class Motion(NamedTuple):
 
 
 class NominalDrive(NamedTuple):
-    """The reference, driven exactly; the first four are (n,) on a grid of arc length."""
+    """The reference, driven exactly; all but the last two are (n,) on a grid of arc length."""
 
     s_m: Array
     time_s: Array
     speed_mps: Array
     ey_m: Array
+    slope: Array
+    """of the path against the road"""
+    bend_per_m: Array
+    """curvature of the path against the road"""
+    turn_per_m: Array
+    """curvature of road and path together"""
     motion: Motion
     stops_reached: int
 
@@ -63,7 +69,10 @@ def drive_nominally(scenario: Scenario) -> NominalDrive:
     time_s = np.interp(grid_m, place, motion.time_s[moving])
     speed_mps = np.interp(grid_m, place, motion.speed_mps[moving])
     ey_m = scenario.ey_m(grid_m, time_s)
-    return NominalDrive(grid_m, time_s, speed_mps, ey_m, motion, reached)
+    slope = np.gradient(ey_m, grid_m)
+    bend = np.gradient(slope, grid_m)
+    turn = bend + scenario.road.curvature_per_m(grid_m)
+    return NominalDrive(grid_m, time_s, speed_mps, ey_m, slope, bend, turn, motion, reached)
 
 
 def fix_path(scenario: Scenario) -> Scenario:

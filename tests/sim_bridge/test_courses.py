@@ -161,9 +161,7 @@ def test_figures_are_judged_by_their_limits() -> None:
 def peak_lateral_mps2(scenario: Scenario) -> float:
     """The largest lateral acceleration of the drive if it follows the reference exactly."""
     drive = drive_nominally(scenario)
-    bend = np.gradient(np.gradient(drive.ey_m, drive.s_m), drive.s_m)
-    curvature = scenario.road.curvature_per_m(drive.s_m)
-    return float(np.max(np.abs(bend + curvature) * drive.speed_mps**2))
+    return float(np.max(np.abs(drive.turn_per_m) * drive.speed_mps**2))
 
 
 @pytest.mark.parametrize("name", shipped_scenarios())
