@@ -133,8 +133,10 @@ def blocks(pieces: Pieces, complete: Iterable[str]) -> dict[str, str | None]:
     """The text of every table; None: its piece has not been measured as a whole."""
     known = set(complete)
     return {
-        "scenario_fields": _markdown(("field", "limits", "default", "meaning"), fields.rows()),
-        "scenario_kinds": _markdown(("kind", "fields"), fields.kinds()),
+        "scenario_fields": _markdown(
+            ("field", "limits", "default", "meaning"), fields.field_rows()
+        ),
+        "scenario_kinds": _markdown(("kind", "fields"), fields.kind_rows()),
     } | {
         name: make(pieces[piece].get("all", pieces[piece])) if piece in known else None
         for name, (piece, make) in TABLES.items()

@@ -99,38 +99,43 @@ class Written:
     @cached_property
     def by_tag(self) -> dict[str, type[FileTable]]:
         """The tables by their axis or kind, in parentheses: a tag is no part of a field's name."""
-        return {f"({tag})": table for table in self.tables for tag in _tags_of(table)}
+        tags = {table: get_args(table.model_fields["kind"].annotation) for table in self.kinds}
+        tags |= {table: (table.axis,) for table in self.knots}
+        return {f"({tag})": table for table in self.tables for tag in tags[table]}
+
+    @property
+    def knots(self) -> list[type[Knots]]:
+        """The tables with knots."""
+        return [table for table in self.tables if issubclass(table, Knots)]
+
+    @property
+    def kinds(self) -> list[type[FileTable]]:
+        """The tables with a kind."""
+        return [table for table in self.tables if not issubclass(table, Knots)]
+
+    @property
+    def forms(self) -> str:
+        """What a file may write."""
+        axes = " or ".join(table.axis for table in self.knots)
+        kinds = [tag[1:-1] for tag, table in self.by_tag.items() if table in self.kinds]
+        return f"number, table over {axes}" + f", kind {' or '.join(kinds)}" * bool(kinds)
 
     def __get_pydantic_core_schema__(
         self, source: Any, handler: GetCoreSchemaHandler
     ) -> CoreSchema:
         """The number or the table by its tag, then `convert`."""
-        axes = " or ".join(each.axis for each in self.tables if issubclass(each, Knots))
-        kinds = ", ".join(
-            tag[1:-1] for tag, table in self.by_tag.items() if not issubclass(table, Knots)
-        )
-        known = f", or kind = {kinds} with its fields" if kinds else ""
         members: list[Any] = [Annotated[table, Tag(tag)] for tag, table in self.by_tag.items()]
         members += [Annotated[Number, Tag(_NUMBER)], Annotated[Any, Tag(_OBJECT)]]
+        expected = f"expected one of these: {self.forms}"
         form: Any = Annotated[
             reduce(or_, members),
-            Discriminator(
-                _tag,
-                custom_error_type="form",
-                custom_error_message=f"expected a number, a table with value and {axes}{known}",
-            ),
+            Discriminator(_tag, custom_error_type="form", custom_error_message=expected),
             AfterValidator(self.convert),
         ]
         return handler.generate_schema(form)
 
 
 _NUMBER, _OBJECT = "(number)", "(object)"
-
-
-def _tags_of(table: type[FileTable]) -> tuple[str, ...]:
-    if issubclass(table, Knots):
-        return (table.axis,)
-    return get_args(table.model_fields["kind"].annotation)
 
 
 def _tag(raw: Any) -> str | None:
