@@ -55,14 +55,16 @@ def field_rows() -> Iterator[tuple[str, ...]]:
 
 def kind_rows() -> Iterator[tuple[str, ...]]:
     """Each kind of a value, and its fields with their limits and defaults."""
-    for table in (kind for entry in entries() if entry.written for kind in entry.written.kinds):
-        names = get_args(table.model_fields["kind"].annotation)
+    written = [entry.written for entry in entries() if entry.written]
+    for kind, table in (item for each in written for item in each.tables.items()):
+        if "kind" not in table.model_fields:  # knots
+            continue
         fields = (
             " ".join(filter(None, (f"`{name}`", limits, default and f"({default})")))
             for name, limits, default, *_ in entries(table)
             if name != "kind"
         )
-        yield ", ".join(f"`{name}`" for name in names), ", ".join(fields)
+        yield f"`{kind}`", ", ".join(fields)
 
 
 def _docstrings(table: Any) -> dict[str, str]:

@@ -1,7 +1,7 @@
 """Messages for settings that pydantic refused: each field by its name, all of them at once."""
 
 import re
-from collections.abc import Callable, Container, Iterator, Mapping, Sequence
+from collections.abc import Callable, Container, Mapping, Sequence
 from itertools import islice
 from types import NoneType, UnionType
 from typing import Annotated, Any, Union, get_args, get_origin
@@ -112,21 +112,17 @@ def _locate(place: Location, table: Any) -> tuple[Location, list[str]]:
 
 def _type_of(field: Any) -> tuple[Any, Mapping[str, Any], bool]:
     """Type of a field or of its entries, its tables by their tags, and whether it is a union."""
-    kind, said = field.annotation, list(field.metadata)
+    kind, notes = field.annotation, list(field.metadata)
     while True:
-        for note in said:
-            if hasattr(note, "by_tag"):
-                return kind, note.by_tag, False
-        if get_origin(kind) is Annotated:
-            kind, *said = get_args(kind)
-        elif get_origin(kind) in (Union, UnionType):
-            kind, *others = (member for member in get_args(kind) if member is not NoneType)
-            if others:
-                return kind, {}, True
-        elif get_origin(kind) in (list, tuple):
-            kind = get_args(kind)[0]
-        else:
+        tagged: Mapping[str, Any]
+        tagged = next((note.by_tag for note in notes if hasattr(note, "by_tag")), {})
+        origin, members = get_origin(kind), [m for m in get_args(kind) if m is not NoneType]
+        is_union = origin in (Union, UnionType)
+        if tagged or (is_union and len(members) > 1):
+            return kind, tagged, not tagged
+        if not is_union and origin not in (Annotated, list, tuple):
             return kind, {}, False
+        kind, *notes = members
 
 
 def _explain_place(
@@ -134,19 +130,17 @@ def _explain_place(
     place: Location,
     name_of: Callable[[Location], str],
     known: list[str],
-) -> Iterator[str]:
+) -> list[str]:
     """The line of a field; a check of a whole table has one for each field that it names."""
-    error = errors[0]
-    is_of_table = error["type"] == "value_error" and isinstance(error["input"], Mapping)
-    reasons = str(error["ctx"]["error"]).splitlines() if is_of_table else []
-    name = name_of(place)
-    if name and not all(_FIELD_FIRST.match(reason) for reason in reasons):
-        reasons = []
-    for reason in reasons:
-        field, _, text = reason.partition(": ")
-        yield f"{name_of((*place, field))}: {text.rstrip('.')}." if name else reason
-    if not reasons:
-        yield _explain_field(errors, name, known)
+    error, name = errors[0], name_of(place)
+    if error["type"] == "value_error" and isinstance(error["input"], Mapping):
+        reasons = str(error["ctx"]["error"]).splitlines()
+        if not name:
+            return reasons
+        if all(_FIELD_FIRST.match(reason) for reason in reasons):
+            parts = (reason.rstrip(".").partition(": ") for reason in reasons)
+            return [f"{name_of((*place, field))}: {text}." for field, _, text in parts]
+    return [_explain_field(errors, name, known)]
 
 
 def _explain_field(errors: Sequence[Mapping[str, Any]], name: str, known: list[str]) -> str:

@@ -83,7 +83,7 @@ _Curvature = Annotated[
         -LARGEST_CURVATURE_PER_M,
         LARGEST_CURVATURE_PER_M,
         "1/m",
-        tables=(OverDistance, CourseOfBends),
+        tables={"s_m": OverDistance, "course": CourseOfBends},
     ),
 ]
 _Friction = Annotated[Table, table_within(LEAST_FRICTION, MOST_FRICTION)]

@@ -100,7 +100,15 @@ class Reference(FileTable):
     ey_m: Annotated[
         Lateral | Slalom | IsoLaneChange,
         Written(
-            (OverDistance, OverTime, Moves, Sine, Slalom, IsoLaneChange),
+            {
+                "s_m": OverDistance,
+                "t_s": OverTime,
+                "moves": Moves,
+                "sine": Sine,
+                "slalom": Slalom,
+                "iso_3888_1": IsoLaneChange,
+                "iso_3888_2": IsoLaneChange,
+            },
             to_lateral,
             f"±{LARGEST_EY_M:g}",
         ),
@@ -125,7 +133,7 @@ def _known_metric(name: str) -> str:
 
 _MetricName = Annotated[str, AfterValidator(_known_metric)]
 _Wind = Annotated[
-    Table, table_within(-STRONGEST_WIND_MPS, STRONGEST_WIND_MPS, "m/s", tables=(OverTime,))
+    Table, table_within(-STRONGEST_WIND_MPS, STRONGEST_WIND_MPS, "m/s", tables={"t_s": OverTime})
 ]
 
 

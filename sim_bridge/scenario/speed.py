@@ -157,7 +157,9 @@ def _stop_at_end(s_m: Sequence[float], mps: Sequence[float]) -> tuple[Stop, ...]
 WantedSpeed = Annotated[
     Speed,
     Written(
-        (OverDistance, OverTime, CurveSpeed), _to_speed, f"0, {SLOWEST_KMH:g}..{FASTEST_KMH:g}"
+        {"s_m": OverDistance, "t_s": OverTime, "curve_speed": CurveSpeed},
+        _to_speed,
+        f"0, {SLOWEST_KMH:g}..{FASTEST_KMH:g}",
     ),
 ]
 

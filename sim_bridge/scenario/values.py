@@ -3,10 +3,11 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from datetime import date, time
-from functools import cached_property, reduce
+from functools import reduce
 from itertools import pairwise
 from operator import or_
-from typing import Annotated, Any, ClassVar, Self, get_args
+from types import MappingProxyType
+from typing import Annotated, Any, ClassVar, Self
 
 from pydantic import (
     AfterValidator,
@@ -81,7 +82,7 @@ class OverTime(Knots):
     t_s: _Places
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Written:
     """How a file may give the value of a field: a number, or one of some tables.
 
@@ -89,36 +90,23 @@ class Written:
     to `convert` as it is.
     """
 
-    tables: tuple[type[FileTable], ...]
-    """knots over an axis, or a table whose `kind` says what it is"""
+    tables: Mapping[str, type[FileTable]]
+    """by their axis (knots over s_m or t_s) or their kind"""
     convert: Callable[[Any], Any]
     """from what was read to the value of the field"""
     limits: str
     """in words"""
 
-    @cached_property
+    @property
     def by_tag(self) -> dict[str, type[FileTable]]:
-        """The tables by their axis or kind, in parentheses: a tag is no part of a field's name."""
-        tags = {table: get_args(table.model_fields["kind"].annotation) for table in self.kinds}
-        tags |= {table: (table.axis,) for table in self.knots}
-        return {f"({tag})": table for table in self.tables for tag in tags[table]}
-
-    @property
-    def knots(self) -> list[type[Knots]]:
-        """The tables with knots."""
-        return [table for table in self.tables if issubclass(table, Knots)]
-
-    @property
-    def kinds(self) -> list[type[FileTable]]:
-        """The tables with a kind."""
-        return [table for table in self.tables if not issubclass(table, Knots)]
+        """The tables by their tag, whose parentheses say that it is no part of a field's name."""
+        return {f"({name})": table for name, table in self.tables.items()}
 
     @property
     def forms(self) -> str:
         """What a file may write."""
-        axes = " or ".join(table.axis for table in self.knots)
-        kinds = [tag[1:-1] for tag, table in self.by_tag.items() if table in self.kinds]
-        return f"number, table over {axes}" + f", kind {' or '.join(kinds)}" * bool(kinds)
+        axes = {name: f"table over {name}" for name in (OverDistance.axis, OverTime.axis)}
+        return ", ".join(("number", *(axes.get(name, name) for name in self.tables)))
 
     def __get_pydantic_core_schema__(
         self, source: Any, handler: GetCoreSchemaHandler
@@ -153,7 +141,7 @@ def table_within(
     unit: str = "",
     *,
     factor: float = 1.0,
-    tables: tuple[type[FileTable], ...] = (OverDistance,),
+    tables: Mapping[str, type[FileTable]] = MappingProxyType({"s_m": OverDistance}),
 ) -> Written:
     """A field that is a `Table` in SI units, with limits in its own `unit`.
 
