@@ -20,7 +20,8 @@ from rt_controller.contract.signals import NEUTRAL_INPUT
 from rt_controller.contract.timing import PERIOD_S
 from rt_controller.settings import BusSettings, CarSettings
 from rt_controller.simulation import open_virtual_car
-from sim_bridge.faults.bus import CODECS, FaultyBus
+from sim_bridge.faults.bus import FaultyBus
+from sim_bridge.faults.effects import CODECS
 from sim_bridge.faults.fault import SHORTHANDS, Fault, FaultFile
 from sim_bridge.faults.kinds import KINDS
 from sim_bridge.faults.matrix.cases import load_cases
