@@ -2,14 +2,13 @@
 
 from importlib import resources
 from pathlib import Path
-from typing import Annotated, Any, TypeVar
+from typing import Annotated, Any
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
 from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.names import hint
 
-Entry = TypeVar("Entry")
 Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 
 
@@ -19,24 +18,16 @@ class FileTable(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
 
-def not_empty(entries: tuple[Entry, ...]) -> tuple[Entry, ...]:
-    """The entries; pydantic's own limit would also count entries that it refused.
+def entries(least: int, most: int = 10_000) -> BeforeValidator:
+    """Refuse a list of fewer or more entries, before any is read.
 
-    Raises:
-        ValueError: there are none.
+    pydantic's own limits read all of them, and count those only that it does not refuse.
     """
-    if not entries:
-        raise ValueError("expected at least one entry, found none")
-    return entries
 
-
-def at_most(most: int) -> BeforeValidator:
-    """Refuse a list of more entries, before any is read: pydantic's own limit reads all of them."""
-
-    def check(entries: Any) -> Any:
-        if isinstance(entries, list) and len(entries) > most:
-            raise ValueError(f"expected at most {most} entries, found {len(entries)}")
-        return entries
+    def check(found: Any) -> Any:
+        if isinstance(found, list | tuple) and not least <= len(found) <= most:
+            raise ValueError(f"expected {least} to {most} entries, found {len(found)}")
+        return found
 
     return BeforeValidator(check)
 

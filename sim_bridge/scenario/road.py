@@ -6,7 +6,7 @@ from math import atan, inf, radians
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import AfterValidator, Field, ValidationInfo, field_validator, model_validator
+from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from rt_controller.contract.limits import LEAST_FRICTION, MOST_FRICTION
 from sim_bridge.plant.protocol import RoadAt
@@ -20,7 +20,7 @@ from sim_bridge.scenario.limits import (
 from sim_bridge.scenario.opendrive import ReferenceLine, read_reference_line
 from sim_bridge.scenario.table import Ramp, Table, chained, constant
 from sim_bridge.scenario.values import NotNegative, OverDistance, table_within
-from sim_bridge.toml_file import FileTable, Number, at_most, not_empty
+from sim_bridge.toml_file import FileTable, Number, entries
 
 _Radius = Annotated[Number, Field(ge=SMALLEST_RADIUS_M)]
 
@@ -69,7 +69,7 @@ class CourseOfBends(FileTable):
     """Straights and bends in a row; straight after the last one."""
 
     kind: Literal["course"]
-    bends: Annotated[tuple[Bend, ...], at_most(1000), AfterValidator(not_empty)]
+    bends: Annotated[tuple[Bend, ...], entries(1, 1000)]
 
     def table(self) -> Table:
         """Curvature in 1/m."""

@@ -15,6 +15,7 @@ from rt_controller.contract.preview import INTERVALS, LARGEST_PER_M, REACH_S, fi
 from rt_controller.contract.signals import CurvaturePreview, PathReference
 from rt_controller.contract.timing import PERIOD_S
 from sim_bridge.faults.fault import Faults
+from sim_bridge.faults.names import name_in
 from sim_bridge.plant.parts import NO_PAYLOAD
 from sim_bridge.plant.protocol import RoadAt
 from sim_bridge.scenario.courses import Body, Course, IsoLaneChange, Slalom
@@ -47,7 +48,7 @@ from sim_bridge.scenario.values import (
     Written,
     table_within,
 )
-from sim_bridge.toml_file import FileTable, Number, at_most
+from sim_bridge.toml_file import FileTable, Number, entries
 
 PREVIEW_MIN_M = 4.0
 _CURVATURE_AT = np.linspace(0.0, 1.0, 33)
@@ -125,13 +126,7 @@ class Load(FileTable):
     """above the ground"""
 
 
-def _known_metric(name: str) -> str:
-    if name not in Metrics._fields:
-        raise ValueError(f"expected one of {', '.join(Metrics._fields)}, found {name!r}")
-    return name
-
-
-_MetricName = Annotated[str, AfterValidator(_known_metric)]
+_MetricName = Annotated[str, name_in(Metrics._fields)]
 _Wind = Annotated[
     Table, table_within(-STRONGEST_WIND_MPS, STRONGEST_WIND_MPS, "m/s", tables={"t_s": OverTime})
 ]
@@ -155,7 +150,7 @@ class Scenario:
     initial: Start = Start()
     road: Road = Field(default_factory=Road)
     reference: Reference
-    stops: Annotated[tuple[Stop, ...], at_most(1000)] = ()
+    stops: Annotated[tuple[Stop, ...], entries(0, 1000)] = ()
     cross_wind_mps: _Wind = constant(0.0)
     """speed of the air across the road, positive towards the left"""
     tail_wind_mps: _Wind = constant(0.0)

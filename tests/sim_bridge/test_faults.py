@@ -318,7 +318,7 @@ def test_a_frame_that_no_catalogue_has_can_be_sent_in_any_number(drive: FaultyDr
         ('[[faults]]\nkind = "drop"\n', "faults[0].messages: expected messages for drop"),
         (FILE.replace("1.0", "5.0"), "faults[0].start_s: expected less than"),
         (FILE.replace("start_s", "begin_s"), "faults[0].begin_s: no such setting"),
-        (FILE * 200, "faults: expected at most 100 entries, found 200."),
+        (FILE * 200, "faults: expected 1 to 100 entries, found 200."),
     ],
 )
 def test_a_file_that_does_not_fit_is_refused_with_its_fields(
