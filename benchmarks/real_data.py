@@ -6,10 +6,11 @@ from typing import Annotated, Any
 
 import cyclopts
 
+from offline.campaign import THIS_MACHINE
 from offline.commands.bundle import export_run
 from offline.commands.evaluation import evaluation_figures, run_evaluation
 from offline.commands.log_import import import_logs
-from offline.commands.options import THIS_MACHINE, EvaluationOptions
+from offline.commands.options import EvaluationOptions
 from offline.commands.terminal import STDOUT
 from offline.commands.training_run import start_run
 from offline.config import TrainingConfig

@@ -12,11 +12,10 @@ from typing import Annotated, Literal
 from cyclopts import Parameter
 from pydantic import Field
 
-from offline.commands.ablation import ablate
+from offline.campaign import THIS_MACHINE, Backend
 from offline.commands.options import (
     LATEST_RUN,
     RUNS,
-    THIS_MACHINE,
     Config,
     DataFolder,
     EvaluationOptions,
@@ -26,7 +25,6 @@ from offline.commands.options import (
 )
 from offline.config import PRESETS
 from offline.data.variation import RecipeName, choose_variation
-from offline.experiments.backend import Backend
 from rt_controller.contract.errors import ConfigError, require_packages
 from rt_controller.contract.figures import require_writable, write_figures
 from rt_controller.terminal.command_line import new_app, run_command
@@ -34,7 +32,7 @@ from sim_bridge.plant.shipped_cars import DEFAULT_CAR
 
 LEAST_EPISODES = 10
 HELD_OUT = EvaluationOptions()
-_MAIN_OPTIONS = "VARIANTS preset steps seed seeds only folder data resume runs init json"
+_MAIN_OPTIONS = "preset steps seed data resume runs init json"
 _TRAINING = {
     "Main options": _MAIN_OPTIONS,
     "Data": "episodes data-seed windows rare-share near-roads mirror noise",
@@ -46,9 +44,9 @@ _TRAINING = {
     "Model": "activation hidden latents latents-start constant-observable lift-exogenous products "
     "history-steps separate-motion bilinear-rank "
     "saturating-gains drift-rank bilinear-follows",
-    "Machine and campaign": "threads device backend address jobs lists",
+    "Machine": "threads device backend address jobs",
 }
-"""options of offline-train, and of the commands that train many models, by group"""
+"""options of offline-train by group"""
 
 data_app = new_app("offline-data", "Make the data set: episodes of the simulated car.")
 import_app = new_app(
@@ -66,21 +64,12 @@ export_app = new_app("offline-export", "Make the bundle that rt-controller drive
 evaluate_app = new_app(
     "offline-evaluate", "Predict two seconds ahead on held-out data, beside the baselines."
 )
-report_app = new_app(
-    "offline-report", "The evaluation with its plots, as one page that needs no network."
-)
 replay_app = new_app(
     "offline-replay",
     "Drive the simulated car with the recorded steering and speed of a real one, and print how far "
     "its other signals are from the recorded ones. Nothing is judged. docs/validation.md has the "
     "names of columns.",
     "LOGS",
-)
-ablate_app = new_app(
-    "offline-ablate",
-    "Train variants of a model on the same data, and compare them.",
-    "[VARIANTS]",
-    _TRAINING,
 )
 
 
@@ -225,30 +214,22 @@ def export(
 
 
 @evaluate_app.default
-def evaluate(*, options: EvaluationOptions = HELD_OUT, json_file: JsonFile = None) -> None:
-    """Errors over 80 open-loop steps on the test trajectories, as in the paper's Table I."""
+def evaluate(
+    *,
+    options: EvaluationOptions = HELD_OUT,
+    html: Path | None = None,
+    json_file: JsonFile = None,
+) -> None:
+    """Errors over 80 open-loop steps on the test trajectories, as in the paper's Table I.
+
+    Args:
+        html: write a page with the first table and four pictures: errors over time, comparison
+            with the baselines, eigenvalues, and the paper's double lane change
+    """
     require_ready(json_file)
     from offline.commands import evaluation
 
-    write_figures(json_file, evaluation.evaluate_models(options))
-
-
-@report_app.default
-def report(
-    *, output: Path, options: EvaluationOptions = HELD_OUT, json_file: JsonFile = None
-) -> None:
-    """The evaluation as a page with tables, plots and the paper's double lane change.
-
-    Args:
-        output: HTML file to write
-    """
-    require_ready(json_file)
-    from rt_controller.report.page import require_report_extra
-
-    require_report_extra("offline-report")
-    from offline.commands import report_page
-
-    write_figures(json_file, report_page.write_report(output, options))
+    write_figures(json_file, evaluation.evaluate_models(options, html))
 
 
 @replay_app.default
@@ -284,13 +265,9 @@ def replay(
     write_figures(json_file, figures)
 
 
-ablate_app.default(ablate)
-
 data_main = partial(run_command, data_app)
 import_main = partial(run_command, import_app)
 train_main = partial(run_command, train_app)
 export_main = partial(run_command, export_app)
 evaluate_main = partial(run_command, evaluate_app)
-report_main = partial(run_command, report_app)
 replay_main = partial(run_command, replay_app)
-ablate_main = partial(run_command, ablate_app)

@@ -167,8 +167,8 @@ class Controller:
         preview: CurvaturePreview | None,
         under_way: Sequence[ControlInput],
     ) -> Plan:
-        self._mpc.observe(state, self._previous)
-        status = self._mpc.plan(state, curvature_per_m, path, self._previous, preview, under_way)
+        x_0 = self._mpc.observe(state, self._previous)
+        status = self._mpc.plan(x_0, curvature_per_m, path, self._previous, preview, under_way)
         states = self._mpc.predicted_states()
         inputs = self._mpc.inputs.copy()
         if states is None:

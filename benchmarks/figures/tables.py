@@ -119,7 +119,7 @@ TABLES: dict[str, tuple[str, Callable[[Figures], str]]] = {
         for piece, name, head in (
             ("evaluation", "mse", "model"),
             ("evaluation", "mse_ratios", "baseline"),
-            ("evaluation", "mse_slices", "trajectories"),
+            ("evaluation", "mse_sets", "test set"),
             ("fault_matrix", "fault_matrix", ""),
             ("false_alarms", "false_alarms", ""),
             ("false_alarms", "alarm_margins", "check"),

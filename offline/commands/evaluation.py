@@ -7,6 +7,7 @@ from typing import Any
 
 from offline.baselines.registry import (
     ALL,
+    SHIPPED,
     choose_baselines,
     not_converged,
     open_baselines,
@@ -16,9 +17,10 @@ from offline.commands.options import LATEST_RUN, EvaluationOptions
 from offline.commands.terminal import STDERR, STDOUT
 from offline.data.dataset import Dataset
 from offline.data.manifest import Simulated
-from offline.evaluation.comparison import Comparison, compare_models
+from offline.evaluation.comparison import LTI_BASELINES, Comparison, compare_models
 from offline.evaluation.held_out import choose_test_data, find_objection
-from offline.evaluation.predictor import Predictor
+from offline.evaluation.lane_change import drive_lane_change
+from offline.evaluation.predictor import Predictor, predict_trajectories
 from offline.evaluation.series import make_series
 from offline.evaluation.simulated_sets import SIMULATED, open_simulated_set, straight_braking_set
 from offline.evaluation.tables import comparison_tables, headline
@@ -37,9 +39,12 @@ from offline.evaluation.test_sets import (
 )
 from offline.files import source_revision
 from offline.model.bundle_predictor import BundlePredictor
-from rt_controller.contract.errors import ConfigError
+from rt_controller.contract.errors import ConfigError, OutputError
+from rt_controller.contract.figures import require_writable
+from rt_controller.contract.files import write_text
 from rt_controller.model.artifact import find_model, load_bundle
 from rt_controller.model.bundle import Bundle
+from rt_controller.report.page import render_page, require_report_extra
 from rt_controller.report.table import print_table
 
 
@@ -56,11 +61,45 @@ class Evaluation:
     revision: str
 
 
-def evaluate_models(options: EvaluationOptions) -> dict[str, Any]:
-    """Figures of `offline-evaluate`."""
+def evaluate_models(options: EvaluationOptions, html: Path | None = None) -> dict[str, Any]:
+    """Figures of `offline-evaluate`; with `html` a page of pictures too.
+
+    Raises:
+        ConfigError: the page cannot be written there; raised before the evaluation.
+    """
+    require_writable(html, "--html")
+    if html is not None:
+        require_report_extra("offline-evaluate --html")
     evaluation = run_evaluation(options)
     print_comparison(evaluation.comparison)
+    if html is not None:
+        with STDERR.status("drawing"):
+            _write_page(evaluation, html)
+        STDOUT.print(f"{html}", soft_wrap=True)
     return evaluation_figures(evaluation)
+
+
+def _write_page(evaluation: Evaluation, html: Path) -> None:
+    """With more baselines than the linear models and the paper's network it would be unreadable."""
+    from offline.evaluation.page import evaluation_page
+
+    comparison, lane_change = evaluation.comparison, None
+    if isinstance(evaluation.dataset.origin, Simulated):
+        driven, shown = drive_lane_change(), (*comparison.models, *LTI_BASELINES, SHIPPED)
+        predicted = {
+            name: predict_trajectories(model, driven.windows)
+            for name, model in evaluation.predictors.items()
+            if name in shown
+        }
+        lane_change = driven, predicted
+    text = render_page(evaluation_page(comparison, evaluation.bundles, lane_change))
+    try:
+        write_text(html, text)
+    except OSError as error:
+        raise OutputError(
+            f"--html {html}: expected room for the page, found {error.strerror}. The fitted "
+            f"baselines are in the cache: free some space and give the command again."
+        ) from error
 
 
 def evaluation_figures(evaluation: Evaluation) -> dict[str, Any]:

@@ -8,7 +8,6 @@ from cyclopts import Parameter
 
 from offline.config import TrainingConfig
 from offline.data.variation import Variation
-from offline.experiments.backend import Backend
 from rt_controller.contract.errors import require_packages
 from rt_controller.contract.figures import require_writable
 
@@ -34,9 +33,6 @@ DataFolder = Annotated[
     Path | None,
     Parameter(help="folder of the data set; default: one in the cache, which is printed"),
 ]
-
-
-THIS_MACHINE = Backend()
 
 
 def require_ready(json_file: Path | None) -> None:

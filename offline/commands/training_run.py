@@ -5,11 +5,11 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
+from offline.campaign import Backend
 from offline.commands.dataset import config_of_data, ensure_dataset
 from offline.commands.terminal import STDERR, STDOUT, progress_bar, stop_on_signals
 from offline.config import TrainingConfig, explicit_fields, resolve
 from offline.data.dataset import Dataset, load_dataset
-from offline.experiments.backend import Backend
 from offline.training.initial import with_structure_of
 from offline.training.run import (
     Checkpoint,

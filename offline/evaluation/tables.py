@@ -8,22 +8,13 @@ from collections.abc import Iterable, Mapping, Sequence
 
 from offline.evaluation.bootstrap import CONFIDENCE, RESAMPLES
 from offline.evaluation.comparison import FAIR_LTI, LINEAR, LTI_BASELINES, Comparison
-from offline.evaluation.metrics import MEANS, PROGRESS, SHARES, Figures
+from offline.evaluation.metrics import MEANS, PROGRESS, Figures
 from offline.evaluation.test_sets import LIBRARY, TestSet
 from rt_controller.report.table import NO_VALUE, Cell, Column, Row, Table, format_number
 
 INTERVALS = (
     f"Second line: {100 * CONFIDENCE:g} % interval, bootstrap by episode, {RESAMPLES} resamples."
 )
-SHARE_NAMES = tuple("median" if share == 0.5 else f"{100 * share:g} %" for share in SHARES)
-MEANINGS = {
-    "vx": "longitudinal speed",
-    "vy": "lateral speed, positive to the left",
-    "yaw_rate": "yaw rate, positive to the left",
-    "ds": "progress along the road in one period",
-    "ey": "lateral distance from the road's line, positive to the left",
-    "epsi": "heading relative to the road's line",
-}
 _FIRST = {"ey": "lateral position", "vx": "speed"}
 """states of the first sentence, in its words; of data without them the first two"""
 

@@ -1,10 +1,10 @@
 """Messages for settings that pydantic refused: each field by its name, all of them at once."""
 
 import re
-from collections.abc import Callable, Container, Mapping, Sequence
-from itertools import islice
+from collections.abc import Callable, Container, Iterator, Mapping, Sequence
+from itertools import filterfalse, islice
 from types import NoneType, UnionType
-from typing import Annotated, Any, Union, get_args, get_origin
+from typing import Any, Union, get_args, get_origin
 
 from rt_controller.contract.names import hint
 
@@ -28,32 +28,30 @@ _EXPECTED = {
     "int_parsing_size": "an integer of fewer digits",
     **dict.fromkeys(("float_parsing", "float_type"), "a number"),
     **dict.fromkeys(("bool_parsing", "bool_type"), "true or false"),
-    **dict.fromkeys(
-        ("dict_type", "model_type", "model_attributes_type", "dataclass_type"), "a table"
-    ),
+    **dict.fromkeys(("dict_type", "model_type", "dataclass_type"), "a table"),
+    "model_attributes_type": "a table",
     **dict.fromkeys(("list_type", "tuple_type"), "a list"),
 }
 _LISTED_CHARACTERS, _TEXT_CHARACTERS = 60, 400
 """of a value that was found, and of one that is a text: a long path is shown whole"""
-_FIELD_FIRST = re.compile(r"[\w.\[\]]+: expected")
-"""a line of a check of a whole table"""
+_FIELD_FIRST = re.compile(r"[a-z_0-9]+(\[\d+\]\.[a-z_]+)?: expected")
 LISTED_ERRORS = 20
 """the first ones, which is enough of thousands: the hints take milliseconds each"""
 
 
 def explain(refused: Any, name_of: Callable[[Location], str], table: Any = None) -> str:
-    """One line "NAME: expected …, found …" for each refused field, at most `LISTED_ERRORS` of them.
+    """One line "NAME: expected …, found …" for each refused field, at most `LISTED_ERRORS`.
 
     Args:
         refused: a `pydantic.ValidationError`.
         name_of: the name that the user wrote for a field at this place.
-        table: the pydantic class that refused; knows which fields exist, for a hint where a name
+        table: the pydantic model that refused; knows which fields exist, for a hint where a name
             is misspelt, and for one line where each type of a union was tried.
     """
     errors: dict[Location, list[Mapping[str, Any]]] = {}
     known: dict[Location, list[str]] = {}
     for error in refused.errors():
-        if error["type"] == "default_factory_not_called":  # since another field was refused
+        if error["type"] == "default_factory_not_called":  # of another field that is refused
             continue
         place, known_here = _locate(tuple(error["loc"]), table)
         errors.setdefault(place, []).append(error)
@@ -61,11 +59,27 @@ def explain(refused: Any, name_of: Callable[[Location], str], table: Any = None)
     lines = [
         line
         for place in islice(errors, LISTED_ERRORS)
-        for line in _explain_place(errors[place], place, name_of, known[place])
+        for line in _lines(errors[place], name_of(place), known[place])
     ]
     if len(errors) > LISTED_ERRORS:
         lines.append(f"… and {len(errors) - LISTED_ERRORS} more. Correct these first.")
     return "\n".join(lines)
+
+
+def is_tag(part: str | int) -> bool:
+    """True if a part of an error's place is no field: the chosen form of a value, or a key."""
+    return isinstance(part, str) and (part.startswith("(") or part == "[key]")
+
+
+def _lines(errors: Sequence[Mapping[str, Any]], name: str, known: list[str]) -> Iterator[str]:
+    """Several for a check of a whole table, which begins each line with the field."""
+    error = errors[0]
+    if error["type"] != "value_error" or not isinstance(error["input"], Mapping):
+        yield _explain_field(errors, name, known)
+        return
+    for line in str(error["ctx"]["error"]).splitlines():
+        separator = "" if not name else "." if _FIELD_FIRST.match(line) else ": "
+        yield f"{name}{separator}{line.rstrip('.')}."
 
 
 def dotted(location: Location) -> str:
@@ -92,55 +106,24 @@ def with_options(message: str, options: Container[str]) -> str:
 
 
 def _locate(place: Location, table: Any) -> tuple[Location, list[str]]:
-    """The place without the types and tags of a union, and the fields known beside it."""
-    shown = tuple(part for part in place if not str(part).startswith(("(", "[")))
-    tables: Mapping[str, Any] = {}
+    """The place without the types of a union at its end, and the fields known beside it."""
+    named, place = any(map(is_tag, place)), tuple(filterfalse(is_tag, place))
     fields: dict[str, Any] = {}
     for depth, part in enumerate(place, 1):
-        if part in tables:
-            table = tables[str(part)]
-        elif not isinstance(part, int):  # the type of an entry is already that of its list
-            known = getattr(table, "__pydantic_fields__", {})
-            fields = {field.alias or name: field for name, field in known.items()}
-            if part not in fields:
-                break
-            table, tables, is_union = _type_of(fields[str(part)])
-            if is_union:
-                return place[:depth], sorted(fields)
-    return shown, sorted(fields)
-
-
-def _type_of(field: Any) -> tuple[Any, Mapping[str, Any], bool]:
-    """Type of a field or of its entries, its tables by their tags, and whether it is a union."""
-    kind, notes = field.annotation, list(field.metadata)
-    while True:
-        tagged: Mapping[str, Any]
-        tagged = next((note.by_tag for note in notes if hasattr(note, "by_tag")), {})
-        origin, members = get_origin(kind), [m for m in get_args(kind) if m is not NoneType]
-        is_union = origin in (Union, UnionType)
-        if tagged or (is_union and len(members) > 1):
-            return kind, tagged, not tagged
-        if not is_union and origin not in (Annotated, list, tuple):
-            return kind, {}, False
-        kind, *notes = members
-
-
-def _explain_place(
-    errors: Sequence[Mapping[str, Any]],
-    place: Location,
-    name_of: Callable[[Location], str],
-    known: list[str],
-) -> list[str]:
-    """The line of a field; a check of a whole table has one for each field that it names."""
-    error, name = errors[0], name_of(place)
-    if error["type"] == "value_error" and isinstance(error["input"], Mapping):
-        reasons = str(error["ctx"]["error"]).splitlines()
-        if not name:
-            return reasons
-        if all(_FIELD_FIRST.match(reason) for reason in reasons):
-            parts = (reason.rstrip(".").partition(": ") for reason in reasons)
-            return [f"{name_of((*place, field))}: {text}." for field, _, text in parts]
-    return [_explain_field(errors, name, known)]
+        if isinstance(part, int) and get_origin(table) is tuple:
+            table = get_args(table)[0]
+            continue
+        known = getattr(table, "__pydantic_fields__", {})
+        fields = {field.alias or name: field for name, field in known.items()}
+        if part not in fields:
+            fields = {} if depth < len(place) else fields
+            break
+        table = fields[part].annotation
+        if get_origin(table) in (Union, UnionType):
+            table, *others = (member for member in get_args(table) if member is not NoneType)
+            if others:
+                return (place, []) if named else (place[:depth], sorted(fields))
+    return place, sorted(fields)
 
 
 def _explain_field(errors: Sequence[Mapping[str, Any]], name: str, known: list[str]) -> str:

@@ -56,9 +56,7 @@ MISSION_ID = 1
 class CarEnd:
     """Frames of the car in, frames of the contract out, and the reverse for commands."""
 
-    def __init__(
-        self, car: CarFile, lateral_speed: LateralSpeed, bus: SendingBus, is_fd: bool = False
-    ) -> None:
+    def __init__(self, car: CarFile, lateral_speed: LateralSpeed, bus: SendingBus) -> None:
         """Find every signal in the DBC; `bus` receives the frames of the contract.
 
         Raises:
@@ -77,9 +75,8 @@ class CarEnd:
         if car.line is not None and mapping.pose is not None and "ey_m" not in mapping.states:
             self._place = PlaceOnLine(car.line, mapping.pose.farthest_m)
         self._lateral_speed = lateral_speed
-        self._inbox = Inbox(Node.VEHICLE, is_fd=is_fd)
-        self._outbox = Outbox(bus, Node.VEHICLE, is_fd=is_fd)
-        self._is_fd = is_fd
+        self._inbox = Inbox(Node.VEHICLE)
+        self._outbox = Outbox(bus, Node.VEHICLE)
         self._foreign_commands = 0
         self._history = MotionHistory()
         self._ticks = 0
@@ -188,7 +185,7 @@ class CarEnd:
             send(MISSION, mission, now_ns)
         self._mission = mission
         if tick % IDENT_PERIOD_TICKS == 0:
-            send(VEHICLE_IDENTITY, own_identity(None, self._is_fd), now_ns)
+            send(VEHICLE_IDENTITY, own_identity(None), now_ns)
         self.refusals = NO_REFUSAL
         self._ticks += 1
 

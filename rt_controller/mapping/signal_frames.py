@@ -108,6 +108,8 @@ class _Frame:
             signal = _require_signal(f"{where}.checksum", message, checksum.signal)
             self.place = place_of(f"{where}.checksum", checksum, signal)
         self.identifier = int(message.frame_id)
+        self.address: int | None = None
+        """of the first sender with source = "any", which alone is read"""
         if source is None:
             return
         if not message.is_extended_frame:
@@ -192,11 +194,7 @@ class SignalReader:
                 f"Correct [messages.{message.name}] checksum: kind, signal, parameters",
             )
         if len(counts.sources) > 1:
-            listed = ", ".join(f"{address:#04x}" for address in sorted(counts.sources))
-            return (
-                f"frames of {message.name} from {len(counts.sources)} source addresses ({listed})",
-                f"Name the one that is read: [messages.{message.name}] source = 0x…",
-            )
+            return _several_senders(message.name, counts.sources)
         if counts.wrong_length > ALLOWED_UNUSABLE_SHARE * counts.accepted:
             return (
                 f"{counts.wrong_length} frames of {message.name} have {counts.found_bytes} bytes, "
@@ -213,6 +211,13 @@ class SignalReader:
                 f"no sample, although {message.name} arrives: its multiplexer value is not sent"
             )
         return problem, f"Check that the car sends it, and `column` of {measured.slot.name}"
+
+    def second_sender(self) -> str:
+        """What is wrong if a message comes from several addresses, and what to do; else empty."""
+        for name, counts in self.counts.items():
+            if len(counts.sources) > 1:
+                return ". ".join(_several_senders(name, counts.sources))
+        return ""
 
     def read(self, frame: can.Message) -> dict[str, float] | None:
         """SI values of the slots in a frame, by name; NaN: the car sent none that may be used.
@@ -249,7 +254,11 @@ class SignalReader:
             known.last[identifier] = number
         counts.accepted += 1
         if known.settings.source == "any":
-            counts.sources |= {identifier & 0xFF}
+            address = identifier & 0xFF
+            counts.sources |= {address}
+            known.address = address if known.address is None else known.address
+            if address != known.address:
+                return None
         numbers = {}
         for field in known.fields:
             found = (raws.get(part.name) for part in field.parts)
@@ -257,6 +266,14 @@ class SignalReader:
             if len(values) == len(field.parts):
                 numbers[field.slot.name] = field.number(*values)
         return numbers
+
+
+def _several_senders(name: str, sources: frozenset[int]) -> tuple[str, str]:
+    listed = ", ".join(f"{address:#04x}" for address in sorted(sources))
+    return (
+        f"frames of {name} from {len(sources)} source addresses ({listed})",
+        f"Name the one that is read: [messages.{name}] source = 0x…",
+    )
 
 
 class SignalWriter:
@@ -331,8 +348,14 @@ class SignalWriter:
         data = bytearray(message.encode(raws, scaling=False, strict=False))
         if frame.place is not None:
             frame.place.write(data, frame.checksum(number, data, counter))
-        is_extended = message.is_extended_frame
-        return can.Message(0.0, number, is_extended, is_rx=False, data=data, check=True)
+        return can.Message(
+            arbitration_id=number,
+            is_extended_id=message.is_extended_frame,
+            is_fd=message.is_fd,
+            is_rx=False,
+            data=data,
+            check=True,
+        )
 
 
 def _located(
@@ -407,10 +430,10 @@ def _require_sendable(frame: _Frame) -> None:
             f"{', '.join(settings.driving) or 'none'} and {', '.join(settings.standby) or 'none'}. "
             f"Write every signal in both."
         )
-    if message.is_fd or message.length > 8:
+    if message.length > 8 and not message.is_fd:
         raise ConfigError(
             f"{message.name}: expected a classic CAN frame of at most 8 bytes, found "
-            f"{message.length}. Commands go out in classic frames only."
+            f"{message.length}. Give a message of CAN FD the VFrameFormat of CAN FD in the DBC."
         )
 
 

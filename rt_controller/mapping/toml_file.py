@@ -5,7 +5,7 @@ All errors of a file are reported at once, each with the name of its field.
 
 import re
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any, TypeVar
 
@@ -24,10 +24,13 @@ def parse(
     context: object = None,
     remedies: Mapping[str, str] = MappingProxyType({}),
 ) -> T:
-    """The content of a TOML file, checked against `schema`.
+    """The content of a TOML file, checked against `schema`; `context` is for its validators.
+
+    `remedies` has a sentence by the name of a field, for the lines that refuse it.
 
     Raises:
-        ConfigError: the text is no TOML, or see `validated`.
+        ConfigError: the text is no TOML, or fields are missing, unknown or out of their limits; the
+            message starts with `where` and has one line for each error.
     """
     try:
         raw: dict[str, Any] = tomllib.loads(text)
@@ -35,36 +38,27 @@ def parse(
         raise ConfigError(
             f"{where}: expected a TOML file, found an error: {error}. Correct the file."
         ) from error
-    return validated(raw, schema, where, context, remedies)
+    return checked(raw, schema, where, context, remedies)
 
 
-def validated(
+def checked(
     raw: Mapping[str, Any],
     schema: TypeAdapter[T],
     where: str,
     context: object = None,
     remedies: Mapping[str, str] = MappingProxyType({}),
 ) -> T:
-    """Parsed content, checked against `schema`; `context` is for its validators.
-
-    `remedies` has sentences by the names of fields that may be in a wrong section.
-
-    Raises:
-        ConfigError: fields are missing, unknown or out of their limits; the message starts with
-            `where` and has one line for each error.
-    """
+    """The same of content that is read already."""
     try:
         return schema.validate_python(raw, context=context)
     except ValidationError as error:
         explained = explain(error, dotted, getattr(schema, "_type", None))
         for name, remedy in remedies.items():
-            misplaced = rf"^(\S+\.{name}: no such setting.*)$"
+            misplaced = rf"^((?:\S+\.)?{name}: .*)$"
             explained = re.sub(misplaced, rf"\1 {remedy}", explained, flags=re.MULTILINE)
-        raise refusal(where, explained.splitlines()) from error
+        raise ConfigError(listed(where, explained.splitlines())) from error
 
 
-def refusal(where: str, lines: Sequence[str]) -> ConfigError:
-    """The error of a file with these lines."""
-    return ConfigError(
-        f"{where}: {lines[0]}" if len(lines) == 1 else "\n  ".join([f"{where}:", *lines])
-    )
+def listed(where: str, lines: list[str]) -> str:
+    """One line, or one below `where` for each of several."""
+    return f"{where}: {lines[0]}" if len(lines) == 1 else "\n  ".join([f"{where}:", *lines])

@@ -17,20 +17,6 @@ from rt_controller.report.table import Table
 NEEDED = ("jinja2", "matplotlib")
 
 
-class Bullets(NamedTuple):
-    """A list of sentences."""
-
-    items: tuple[str, ...]
-
-
-class Links(NamedTuple):
-    """A sentence that ends with links to sections."""
-
-    text: str
-    targets: tuple[tuple[str, str], ...]
-    """text of the link, title of the section"""
-
-
 class Plot(NamedTuple):
     """A plot with its caption."""
 
@@ -39,14 +25,7 @@ class Plot(NamedTuple):
     caption: str = ""
 
 
-class Details(NamedTuple):
-    """Tables that are hidden until the reader opens them."""
-
-    title: str
-    parts: tuple[Table, ...]
-
-
-Part = str | Bullets | Links | Table | Plot | Details
+Part = str | Table | Plot
 """a string is a paragraph of plain text; all texts are escaped"""
 
 

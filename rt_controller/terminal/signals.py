@@ -59,7 +59,7 @@ def check_at_terminal(
     channel: int | str | None = None  # of a log
     with ExitStack() as opened:
         if bus is not None:
-            listened = bus.open_bus()
+            listened = bus.open_bus(car.database.is_fd)
             opened.callback(close_bus, listened)
             opened.enter_context(announce(f"listening for {listen_s:g} s", is_quiet))
             frames, where = _listen(listened, listen_s, pauses_s), str(listened.channel_info)
@@ -101,11 +101,11 @@ def gateway_at_terminal(
     with ExitStack() as opened:
         # First: the threads that a bus starts inherit the settings of the process.
         guarantees = opened.enter_context(real_time_process(priority))
-        below = car_bus.open_bus()
+        below = car_bus.open_bus(car.database.is_fd)
         opened.callback(close_bus, below)
         above = bus.open_bus()
         opened.callback(close_bus, above)
-        gateway = Gateway(below, above, car, lateral_speed, bus.fd, description)
+        gateway = Gateway(below, above, car, lateral_speed, description)
         opened.enter_context(stop_on_signals(gateway.request_end))
         guarantees = set_thread_priority(priority, process=guarantees)
         show(f"translating between {below.channel_info} and {above.channel_info}")

@@ -7,8 +7,8 @@ from math import inf
 import numpy as np
 from can import Message
 
+from rt_controller.bus.codec import LARGEST_FLAGS, FrameCodec
 from rt_controller.bus.codec import VALID as IS_VALID
-from rt_controller.bus.codec import FrameCodec
 from rt_controller.bus.messages import CATALOGUE, Node
 from rt_controller.contract.timing import PERIOD_S
 from sim_bridge.faults.fault import Fault
@@ -165,4 +165,4 @@ def write_values(codec: FrameCodec, values: Sequence[float], counter: int) -> by
     flag, *rest = values
     if FRAMES[codec.name].values[0] == VALID:
         return codec.write(tuple(rest), counter, is_valid=flag > 0.0)
-    return codec.write((min(max(round(flag), 0), codec.largest_flags), *rest), counter)
+    return codec.write((min(max(round(flag), 0), LARGEST_FLAGS), *rest), counter)

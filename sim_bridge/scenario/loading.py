@@ -10,8 +10,9 @@ from typing import Any
 
 from pydantic import TypeAdapter
 
+from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.names import split_roads
-from rt_controller.mapping.toml_file import parse, refusal, validated
+from rt_controller.mapping.toml_file import checked, listed, parse
 from sim_bridge.faults.fault import FaultFile, late_faults
 from sim_bridge.scenario.checks import problems
 from sim_bridge.scenario.map_drive import content_of_map
@@ -58,7 +59,7 @@ def parse_scenario(raw: Mapping[str, Any], where: str, folder: Path = Path()) ->
     Raises:
         ConfigError: see `load_scenario`.
     """
-    return _drivable(validated(raw, _SCENARIO, where, folder), where)
+    return _drivable(checked(raw, _SCENARIO, where, folder), where)
 
 
 def add_faults(scenario: Scenario, path: Path) -> Scenario:
@@ -70,11 +71,11 @@ def add_faults(scenario: Scenario, path: Path) -> Scenario:
     where = f"faults {path}"
     faults = parse(read_own(path, "faults"), _FAULTS, where).faults
     if late := list(late_faults(faults, scenario.duration_s)):
-        raise refusal(where, late)
+        raise ConfigError(listed(where, late))
     return replace(scenario, faults=(*scenario.faults, *faults))
 
 
 def _drivable(scenario: Scenario, where: str) -> Scenario:
     if found := problems(scenario):
-        raise refusal(where, found)
+        raise ConfigError(listed(where, found))
     return fix_path(scenario)

@@ -98,11 +98,6 @@ class Written:
     """in words"""
 
     @property
-    def by_tag(self) -> dict[str, type[FileTable]]:
-        """The tables by their tag, whose parentheses say that it is no part of a field's name."""
-        return {f"({name})": table for name, table in self.tables.items()}
-
-    @property
     def forms(self) -> str:
         """What a file may write."""
         axes = {name: f"table over {name}" for name in (OverDistance.axis, OverTime.axis)}
@@ -112,7 +107,9 @@ class Written:
         self, source: Any, handler: GetCoreSchemaHandler
     ) -> CoreSchema:
         """The number or the table by its tag, then `convert`."""
-        members: list[Any] = [Annotated[table, Tag(tag)] for tag, table in self.by_tag.items()]
+        members: list[Any] = [
+            Annotated[table, Tag(f"({name})")] for name, table in self.tables.items()
+        ]
         members += [Annotated[Number, Tag(_NUMBER)], Annotated[Any, Tag(_OBJECT)]]
         expected = f"expected one of these: {self.forms}"
         form: Any = Annotated[

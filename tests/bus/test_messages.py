@@ -32,7 +32,6 @@ from rt_controller.bus.messages import (
 from rt_controller.bus.receive import Inbox
 from rt_controller.bus.send import Outbox
 from rt_controller.bus.transport import open_bus
-from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.faults import Fault, Refusal
 from rt_controller.contract.limits import INPUT_LIMITS
 from rt_controller.contract.signal_ranges import (
@@ -226,9 +225,3 @@ def test_a_message_of_an_extended_dbc_is_sent_and_received(catalogue):
     assert (newest.counter, newest.arrival_ns) == (2, 7)
     assert trial.sender is Node.VEHICLE
     assert trial.cycle_ms == 10 * PERIOD_MS
-
-
-def test_frames_of_different_senders_make_no_message(catalogue):
-    command = FrameSpec("ACT_CMD", "Mode", ("Throttle", "BrakeForce", "SteeringWheelAngle"))
-    with pytest.raises(ConfigError, match="ACT_CMD, TRIAL with one sender"):
-        catalogue.define(command, TRIAL_FRAME, cycle_ticks=1, encode=tuple, decode=tuple)

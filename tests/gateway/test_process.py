@@ -320,3 +320,16 @@ def test_another_sender_of_the_same_commands_ends_the_gateway_or_brakes_the_car(
     rig.gateway.require_alone()
     drive_straight(rig, 5)
     assert rig.gateway.counts.braked_because == {"SECOND_SENDER": 1}
+
+
+def test_a_second_sender_of_a_message_of_the_car_does_the_same(monkeypatch):
+    """The mapping of the example has no message that any address may send."""
+    rig, words = GatewayRig(), "frames of Motion from 2 source addresses"
+    monkeypatch.setattr(rig.gateway.car_end.reader, "second_sender", lambda: words)
+    with pytest.raises(BusError, match=words):
+        rig.gateway.require_alone()
+    rig = driven(20)
+    monkeypatch.setattr(rig.gateway.car_end.reader, "second_sender", lambda: words)
+    rig.gateway.require_alone()
+    drive_straight(rig, 5)
+    assert rig.gateway.counts.braked_because == {"SECOND_SENDER": 1}

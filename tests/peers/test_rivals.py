@@ -45,7 +45,7 @@ def test_a_rival_steers_back_to_its_path_within_its_limits(name):
     throttle, brake_n, steer_rad = rival.inputs[0]
     assert steer_rad < 0.0
     assert 0.0 <= throttle <= 1.0
-    assert brake_n == 0.0
+    assert brake_n == pytest.approx(0.0, abs=1e-9)
 
 
 def test_the_nonlinear_plan_is_a_fixed_point_of_its_linearisation():

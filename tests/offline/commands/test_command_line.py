@@ -311,7 +311,6 @@ REFUSED = [
     (cli.train_main, ("--data", TOY, "--runs", "file/runs", "--steps", 3, *SMALL), "--runs"),
     # A misspelt name must not start minutes of simulation.
     (cli.train_main, NO_DATA, "typo.*offline-data"),
-    (cli.ablate_main, ("recommended", *NO_DATA), "typo.*offline-data"),
     (cli.data_main, ("--episodes", "3"), "--episodes"),
     (cli.data_main, ("--data", "file/data", "--episodes", "10", "--jobs", "1"), "--data"),
     (cli.data_main, ("--episodes", 50, "--data", TOY), "40 episodes of seed 3"),
@@ -336,7 +335,7 @@ def test_a_usage_error_exits_2_with_its_remedy_and_no_figures(
     assert {path.name for path in tmp_path.iterdir()} <= {"file", "cache"}
 
 
-@pytest.mark.parametrize("main", [cli.data_main, cli.import_main, cli.ablate_main])
+@pytest.mark.parametrize("main", [cli.data_main, cli.import_main])
 def test_every_command_prints_the_version_of_the_distribution(command, main):
     code, out, _ = command(main, "--version")
     assert code in (0, None)

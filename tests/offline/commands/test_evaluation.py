@@ -1,4 +1,4 @@
-"""The work of offline-evaluate and offline-report."""
+"""The work of offline-evaluate."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -9,8 +9,8 @@ from toy_predictors import made_trajectories
 from offline.baselines import registry
 from offline.baselines.linear import Persistence
 from offline.baselines.registry import SHIPPED
+from offline.commands import evaluation
 from offline.commands import evaluation as work
-from offline.commands import report_page
 from offline.commands.evaluation import (
     evaluate_models,
     label_models,
@@ -18,7 +18,6 @@ from offline.commands.evaluation import (
     run_evaluation,
 )
 from offline.commands.options import EvaluationOptions
-from offline.commands.report_page import write_report
 from offline.data.manifest import Imported, describe_training
 from offline.evaluation import lane_change
 from offline.evaluation.simulated_sets import SIMULATED, open_simulated_set
@@ -141,17 +140,16 @@ def test_the_report_is_a_page_of_the_same_evaluation(bundle_of, toy_folder, tmp_
     driven = lane_change.LaneChange(
         load_scenario(lane_change.SCENARIO), windows, windows.x[..., 4].astype(float)
     )
-    monkeypatch.setattr(report_page, "drive_lane_change", lambda: driven)
+    monkeypatch.setattr(evaluation, "drive_lane_change", lambda: driven)
     output = tmp_path / "report.html"
     options = EvaluationOptions([bundle_of("good")], toy_folder, ["lti"], sets=["library"])
-    assert write_report(output, options)["models"] == ["good"]
+    assert evaluate_models(options, output)["models"] == ["good"]
     html = output.read_text()
-    assert load_bundle(tmp_path / "good").sha256 in html
+    assert html.count("<svg") == 4
     assert "Double lane change" in html
-    assert "kind not fitted" in html
 
 
 @pytest.mark.parametrize("output", [".", "no/such/folder/report.html"])
 def test_an_output_that_cannot_be_written_is_refused_before_the_evaluation(output, tmp_path):
-    with pytest.raises(ConfigError, match="--output"):
-        write_report(tmp_path / output, EvaluationOptions())
+    with pytest.raises(ConfigError, match="--html"):
+        evaluate_models(EvaluationOptions(), tmp_path / output)
