@@ -17,6 +17,7 @@ from rt_controller.settings import BusSettings, CarSettings
 from sim_bridge.adapters.plants import open_plant
 from sim_bridge.bridge import DEFAULT_DELAY, Bridge, Delay
 from sim_bridge.car import Car
+from sim_bridge.plant.parts import Payload
 from sim_bridge.plant.protocol import Plant, require_plant
 from sim_bridge.scenario import Scenario, load_scenario
 from sim_bridge.scenario.loading import add_faults
@@ -137,7 +138,8 @@ def build_car(scenario: Scenario, choice: CarSettings | Plant = OWN_CAR) -> Car:
     if isinstance(plant, CarSettings):
         friction = scenario.road.friction_left.at(start.s_m)
         ground = scenario.road_at(start.s_m, 0.0)
-        plant = open_plant(plant, friction, scenario.payload, ground)
+        payload = Payload(*(value for _, value in scenario.payload))
+        plant = open_plant(plant, friction, payload, ground)
     else:
         require_plant(plant)
     with ExitStack() as opened:

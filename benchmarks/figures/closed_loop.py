@@ -18,8 +18,8 @@ from benchmarks.conditions import sensor_noise
 from benchmarks.figures.results import Figures, Part
 from rt_controller import Drive, simulate
 from sim_bridge.faults.fault import Fault
-from sim_bridge.plant.parts import Payload
 from sim_bridge.scenario import Scenario, load_scenario
+from sim_bridge.scenario.scenario import Load
 
 ROOT = Path(__file__).parents[2]
 MODELS = ("mdk-net", "mdk-net-paper", "lti")
@@ -209,7 +209,7 @@ def scenario_of(row: Row) -> Scenario:
         road = scenario.road.model_copy(update={"curvature_per_m": mirrored})
         scenario = replace(scenario, road=road)
     if "mass_kg" in conditions:
-        scenario = replace(scenario, payload=Payload(mass_kg=conditions["mass_kg"]))
+        scenario = replace(scenario, payload=Load.model_construct(mass_kg=conditions["mass_kg"]))
     if "deceleration_mps2" in conditions:
         (stop,) = scenario.stops
         stops = (stop.model_copy(update={"deceleration_mps2": conditions["deceleration_mps2"]}),)

@@ -6,6 +6,7 @@ from functools import partial
 from math import nan
 from typing import Any
 
+from benchmarks.figures import scenario_fields as fields
 from benchmarks.figures.closed_loop import CONTROLLERS, MODELS, RIVALS, ROWS, Row, part_name
 from benchmarks.figures.results import Figures, Pieces
 from rt_controller.report.table import Column, Table, format_number, to_markdown
@@ -132,6 +133,11 @@ def blocks(pieces: Pieces, complete: Iterable[str]) -> dict[str, str | None]:
     """The text of every table; None: its piece has not been measured as a whole."""
     known = set(complete)
     return {
+        "scenario_fields": _markdown(
+            ("field", "limits", "default", "meaning"), fields.field_rows()
+        ),
+        "scenario_kinds": _markdown(("kind", "fields"), fields.kind_rows()),
+    } | {
         name: make(pieces[piece].get("all", pieces[piece])) if piece in known else None
         for name, (piece, make) in TABLES.items()
     }

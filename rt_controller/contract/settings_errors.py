@@ -28,7 +28,8 @@ _EXPECTED = {
     "int_parsing_size": "an integer of fewer digits",
     **dict.fromkeys(("float_parsing", "float_type"), "a number"),
     **dict.fromkeys(("bool_parsing", "bool_type"), "true or false"),
-    **dict.fromkeys(("dict_type", "model_type", "model_attributes_type"), "a table"),
+    **dict.fromkeys(("dict_type", "model_type", "dataclass_type"), "a table"),
+    "model_attributes_type": "a table",
     **dict.fromkeys(("list_type", "tuple_type"), "a list"),
 }
 _LISTED_CHARACTERS, _TEXT_CHARACTERS = 60, 400
@@ -112,7 +113,7 @@ def _locate(place: Location, table: Any) -> tuple[Location, list[str]]:
         if isinstance(part, int) and get_origin(table) is tuple:
             table = get_args(table)[0]
             continue
-        known = getattr(table, "model_fields", {})
+        known = getattr(table, "__pydantic_fields__", {})
         fields = {field.alias or name: field for name, field in known.items()}
         if part not in fields:
             fields = {} if depth < len(place) else fields
@@ -131,7 +132,7 @@ def _explain_field(errors: Sequence[Mapping[str, Any]], name: str, known: list[s
     # What is wrong with a value of the right type says more than the types themselves.
     error = errors[texts.index(None) if None in texts else 0]
     kind = error["type"]
-    if kind == "extra_forbidden":
+    if kind in ("extra_forbidden", "unexpected_keyword_argument"):
         near = hint(str(error["loc"][-1]), known)
         listed = f" Known: {', '.join(known)}." if known and not near else ""
         return f"{name}: no such setting{near}.{listed}"

@@ -3,7 +3,7 @@
 The steps are the single values, the values of a table together, the whole drive.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -11,19 +11,17 @@ from typing import Any
 from pydantic import TypeAdapter
 
 from rt_controller.contract.errors import ConfigError
-from rt_controller.contract.files import read_text
 from rt_controller.contract.names import split_roads
 from rt_controller.mapping.toml_file import checked, listed, parse
 from sim_bridge.faults.fault import FaultFile, late_faults
 from sim_bridge.scenario.checks import problems
 from sim_bridge.scenario.map_drive import content_of_map
 from sim_bridge.scenario.nominal_drive import fix_path
-from sim_bridge.scenario.scenario import Scenario, ScenarioFile
-from sim_bridge.toml_file import read_shipped_or_own, shipped_names
+from sim_bridge.scenario.scenario import Scenario
+from sim_bridge.toml_file import read_own, read_shipped_or_own, shipped_names
 
 SCENARIOS_FOLDER = "scenarios"
-_FILE, _FAULTS = TypeAdapter(ScenarioFile), TypeAdapter(FaultFile)
-_FORMAT_2 = "Write format = 2; the end of docs/scenarios.md says what changed since format 1."
+_SCENARIO, _FAULTS = TypeAdapter(Scenario), TypeAdapter(FaultFile)
 
 
 def shipped_scenarios() -> list[str]:
@@ -47,9 +45,7 @@ def load_scenario(name_or_path: str) -> Scenario:
         return parse_scenario(content_of_map(Path(path), roads), name_or_path)
     where = f"scenario {name_or_path}"
     text = read_shipped_or_own(name_or_path, SCENARIOS_FOLDER, "scenario")
-    folder = Path(name_or_path).parent
-    file = parse(text, _FILE, where, folder, {"format": _FORMAT_2})
-    return _driveable(where, file.scenario)
+    return _drivable(parse(text, _SCENARIO, where, Path(name_or_path).parent), where)
 
 
 def parse_scenario(raw: Mapping[str, Any], where: str, folder: Path = Path()) -> Scenario:
@@ -63,8 +59,7 @@ def parse_scenario(raw: Mapping[str, Any], where: str, folder: Path = Path()) ->
     Raises:
         ConfigError: see `load_scenario`.
     """
-    file = checked(raw, _FILE, where, folder, {"format": _FORMAT_2})
-    return _driveable(where, file.scenario)
+    return _drivable(checked(raw, _SCENARIO, where, folder), where)
 
 
 def add_faults(scenario: Scenario, path: Path) -> Scenario:
@@ -74,26 +69,13 @@ def add_faults(scenario: Scenario, path: Path) -> Scenario:
         ConfigError: the file cannot be read, or fields are refused; the message names them.
     """
     where = f"faults {path}"
-    try:
-        faults = parse(read_text(path), _FAULTS, where).faults
-    except (OSError, UnicodeDecodeError) as error:
-        raise ConfigError(
-            f"{where}: expected a TOML file in UTF-8 that can be read, found an error: {error}. "
-            f"Correct the path or the file."
-        ) from error
-    found = list(late_faults(faults, scenario.duration_s))
-    if found:
-        raise ConfigError(listed(where, found))
+    faults = parse(read_own(path, "faults"), _FAULTS, where).faults
+    if late := list(late_faults(faults, scenario.duration_s)):
+        raise ConfigError(listed(where, late))
     return replace(scenario, faults=(*scenario.faults, *faults))
 
 
-def _driveable(where: str, make: Callable[[], Scenario]) -> Scenario:
-    """The scenario that `make` returns, if it can be driven."""
-    try:
-        scenario = make()
-        found = problems(scenario)
-    except ValueError as error:
-        raise ConfigError(listed(where, str(error).splitlines())) from error
-    if found:
+def _drivable(scenario: Scenario, where: str) -> Scenario:
+    if found := problems(scenario):
         raise ConfigError(listed(where, found))
     return fix_path(scenario)

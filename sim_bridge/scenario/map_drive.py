@@ -19,7 +19,7 @@ _SPARE_S = 3.0
 
 
 def content_of_map(path: Path, roads: str) -> dict[str, Any]:
-    """The content of a scenario file: a drive along roads of an OpenDRIVE file.
+    """The content of a scenario file for a drive along roads of an OpenDRIVE file.
 
     Args:
         path: the file.
@@ -35,9 +35,14 @@ def content_of_map(path: Path, roads: str) -> dict[str, Any]:
     known = np.where(np.isfinite(named), named, UNLIMITED_MPS)
     known = np.minimum(known, FASTEST_KMH / KMH_PER_MPS)
     fastest = Table(line.speed_limit_mps.starts, np.pad(known, ((0, 0), (0, 3))))
-    speed = _COMFORT.on_road(line.curvature_per_m, line.length_m, fastest)
+    speed = _COMFORT.profile(line.curvature_per_m, line.length_m, fastest)
     s_m = np.linspace(0.0, line.length_m, max(2, ceil(line.length_m)))
     mps = np.array([max(speed.at(s, 0.0), 0.5) for s in s_m.tolist()])
     needed_s = _SPARE_S + float(np.sum(np.diff(s_m) * 2.0 / (mps[1:] + mps[:-1])))
-    content = {"name": path.stem, "road": {"opendrive": source}, "reference": {"speed_kmh": speed}}
-    return {"format": 2, "duration_s": needed_s, **content}
+    return {
+        "format": 2,
+        "name": path.stem,
+        "duration_s": needed_s,
+        "road": {"opendrive": source},
+        "reference": {"speed_kmh": speed},
+    }
