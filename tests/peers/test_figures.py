@@ -162,34 +162,28 @@ def test_the_figures_of_a_drive_have_its_settled_offset_and_its_stop(tmp_path):
 
 RATIO = {"vx": {"value": 2.0, "low": 1.0, "high": 3.0},
          "geometric_mean": {"value": 2.0, "low": 1.0, "high": 3.0}}  # fmt: skip
-SLICE = {
-    "set": "library", "label": "no brake", "n_trajectories": 9,
-    "best_baseline": {"linear": "lti"},
-    "baseline_mse_over_model_mse": {"mdk-net": {"lti": RATIO}},
-}  # fmt: skip
 LIBRARY = {
+    "n_trajectories": 9,
+    "best_baseline": {"linear": "lti"},
     "models": {"mdk-net": {"mse": {"vx_kmh_squared": {"value": 0.156}}}},
     "baseline_mse_over_model_mse": {"mdk-net": {"lti": RATIO}},
 }
 
 
 @pytest.mark.parametrize(
-    ("found", "name", "line"),
+    ("name", "line"),
     [
-        ({"sets": {"library": LIBRARY}, "series": {}}, "mse", "| mdk-net | 0.156 |"),
-        ({"sets": {"library": LIBRARY}, "series": {}}, "mse_ratios", "| lti | 2 | 2 (1 to 3) |"),
-        (
-            {"sets": {"library": LIBRARY}, "series": {"brake": {"slices": [SLICE]}}},
-            "mse_slices",
-            "| library, no brake | 9 | lti | 2 | 2 (1 to 3) |",
-        ),
+        ("mse", "| mdk-net | 0.156 |"),
+        ("mse_ratios", "| lti | 2 | 2 (1 to 3) |"),
+        ("mse_sets", "| library | 9 | lti | 2 | 2 (1 to 3) |"),
     ],
-)  # fmt: skip
-def test_the_file_of_each_command_becomes_a_table(tmp_path, found, name, line):
-    if "sets" in found:
-        found = {**found, "model_sha256": hashes_of(("mdk-net",))}
+)
+def test_the_file_of_an_evaluation_becomes_tables(tmp_path, name, line):
+    hashes = hashes_of(("mdk-net",))
     file = tmp_path / "found.json"
-    file.write_text(json.dumps(found))
+    file.write_text(
+        json.dumps({"sets": {"library": LIBRARY}, "series": {}, "model_sha256": hashes})
+    )
     piece, part = read_import(file)
     assert piece == TABLES[name][0]
     assert line in by_name(part.measure(), name, "name").splitlines()
