@@ -160,8 +160,14 @@ class Gateway:
         A driven car is braked.
 
         Raises:
-            BusError: another node does, such as a second gateway or a simulated car.
+            BusError: another node does, such as a second gateway or a simulated car; or two nodes
+                send one message of the car.
         """
+        if self.car_end.message_of_two and self._mode is Mode.STANDBY:
+            raise BusError(
+                f"Expected one sender of each message of the car, found "
+                f"{self.car_end.message_of_two}."
+            )
         if self.car_end.foreign_frames and self._mode is Mode.STANDBY:
             raise BusError(
                 f"Expected that only this gateway sends the messages of the vehicle and the "
@@ -244,7 +250,7 @@ class Gateway:
             return BrakingCause.NO_COMMAND
         if self.car_end.follows(now_ns) is None:
             return BrakingCause.CAR_UNKNOWN
-        if self.car_end.foreign_frames:
+        if self.car_end.foreign_frames or self.car_end.message_of_two:
             return BrakingCause.SECOND_SENDER
         command = self.car_end.command
         if command is not None and not self._has_driver(now_ns):
