@@ -191,7 +191,7 @@ def _guess(ratio: float) -> str:
 
 def _time_shift_issues(pair: Pair, series: Sequence[tuple[Array, Array]]) -> Iterator[Issue]:
     """An issue if the car does not explain the lag."""
-    cause, response = map(" times ".join, pair[:2])
+    cause, response = pair.causes[-1], " times ".join(pair.responses)
     lag_s, correlation = correlate(series, relations.STEP_S)
     earliest_s, usual_s, latest_s = pair.lag_s
     if correlation >= LEAST_LAG_CORRELATION and not earliest_s <= lag_s <= latest_s:

@@ -3,7 +3,7 @@
 from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from math import floor, isfinite, tau
 
 import can
@@ -60,7 +60,7 @@ class ReadCounts:
     """same counter as the frame before; dropped"""
     lost: int = 0
     """missing between two counters"""
-    sources: list[int] = field(default_factory=list)
+    sources: tuple[int, ...] = ()
     """addresses that send a message with source = "any"; only frames of the first are read"""
 
 
@@ -243,7 +243,7 @@ class SignalReader:
         if known.settings.source == "any":
             address = identifier & 0xFF
             if address not in counts.sources:
-                counts.sources.append(address)
+                counts.sources += (address,)
             if address != counts.sources[0]:
                 return None
         if counter is not None and counted is not None:

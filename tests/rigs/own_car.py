@@ -33,6 +33,16 @@ def example() -> CarFile:
     return read_car(EXAMPLE)
 
 
+def changed(folder: Path, old: str, new: str) -> CarFile:
+    """The example with another text in its car file."""
+    for name in ("car.dbc", "line.csv"):
+        (folder / name).write_text((EXAMPLE.parent / name).read_text())
+    text = EXAMPLE.read_text()
+    assert old in text
+    (folder / "car.toml").write_text(text.replace(old, new))
+    return read_car(folder / "car.toml")
+
+
 def state_writer(car: CarFile) -> SignalWriter:
     """Sends what the car measures."""
     return SignalWriter(measured_slots(car.mapping), car.mapping.messages, car.database, "car")
