@@ -325,7 +325,7 @@ def test_another_sender_of_the_same_commands_ends_the_gateway_or_brakes_the_car(
 
 def test_two_senders_of_one_message_of_the_car_end_the_gateway_or_brake_the_car(tmp_path):
     any_source = '[messages.Inertial]\nsource = "any"\n\n[messages.WheelSpeed]'
-    car = changed(tmp_path, "[messages.WheelSpeed]", any_source)
+    car = changed(tmp_path, ("[messages.WheelSpeed]", any_source))
     second = can.Message(arbitration_id=0x18FF0517, data=bytes(8))
     rig = GatewayRig(car)
     drive_straight(rig, 20)

@@ -24,7 +24,7 @@ def send_command(sender, control, tick, mode=Mode.NOMINAL):
 def with_period(folder, period_s):
     """The example, with commands that the car receives less often."""
     table = "[messages.DriveRequest]"
-    return changed(folder, table, f"{table}\nperiod_s = {period_s}")
+    return changed(folder, (table, f"{table}\nperiod_s = {period_s}"))
 
 
 class QueueBus(FrameQueue):

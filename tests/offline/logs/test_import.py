@@ -184,10 +184,6 @@ def constant(place):
             lambda place: change_log(place, turn=np.degrees),
             r"run_1\.csv, column turn, line \d+: expected yaw_rate_radps between -5 and 5 rad/s",
         ),
-        (
-            lambda place: change_log(place, wheel=np.degrees),
-            r"run_1\.csv: .*degrees taken for radians",
-        ),
         (constant, r"column force, lines 2 to 1502: expected force_n to change, found 12 N"),
         (far_line, r"found all 1800 periods not within 15 m of .*track\.csv.*farthest_m"),
         (

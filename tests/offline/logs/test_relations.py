@@ -7,6 +7,7 @@ import pytest
 from made_logs import MAPPING, POSE, episode_of, make_drive
 
 from offline.logs.relations import compare_signals, correlate
+from rt_controller.mapping.relations import check_relations, relations_of
 
 DT_S = 0.02
 SECOND = """
@@ -116,6 +117,23 @@ def test_a_delay_of_the_log_is_an_issue_and_the_lag_of_the_car_is_not(
     issues = [each for each in issues_of(parse, [one], text) if each.check == "time shift"]
     assert {each.subject for each in issues} == ({subject} if subject else set())
     assert not subject or any(words in each.message for each in issues)
+
+
+@pytest.mark.parametrize("factors", [{}, {"turn": -1.0}, {"wheel": 0.1}, {"speed": 3.6}])
+def test_the_import_and_signals_check_give_the_same_verdict(parse, factors):
+    one = episode(**factors)
+    answers, _ = compare_signals([one], parse(f"period_s = {DT_S}\n{SAME_SLOT}{POSE}"))
+    names = {f"states.{name}": name for name in ("vx_mps", "vy_mps", "yaw_rate_radps")}
+    names |= {"inputs.steer_rad": "steer_rad"}
+    values = {slot: one.signals[name] for slot, name in names.items()}
+    values |= dict(zip(("pose.x", "pose.y", "pose.yaw"), one.pose.T, strict=True))
+    t_s = DT_S * np.arange(len(one))
+    tracks = {slot: list(zip(t_s, column, strict=True)) for slot, column in values.items()}
+    expected = check_relations(tracks, relations_of(None))
+    assert {text: answers["a.csv"][text] for text in expected} == {
+        text: found.answer for text, found in expected.items()
+    }
+    assert any(found.is_contradicted for found in expected.values()) is bool(factors)
 
 
 def test_unrelated_signals_give_no_issue(parse):
