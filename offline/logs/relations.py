@@ -6,6 +6,7 @@ rate to speed times steering, and of the slope of the speed to a pedal: a log wh
 have no lag; yaw rate follows steering by 0.05 to 0.15 s.
 """
 
+from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 from math import inf, isfinite, log, pi
@@ -106,28 +107,24 @@ def _pairs(mapping: LogMapping, names: Sequence[str]) -> list[Pair]:
     return [pair for pair in pairs if {*pair.causes, *pair.responses} <= {*names}]
 
 
-def _tracks(episodes: Sequence[LogEpisode], mapping: LogMapping) -> dict[str, Array]:
-    """Time and value (T, 2) of one log, by signal, by slot, and by what is computed from them."""
-    t_s = np.concatenate([e.begin_s + mapping.period_s * np.arange(len(e)) for e in episodes])
-    signals = pd.concat([episode.signals for episode in episodes])
-    speed = mapping.name_of(Quantity.SPEED)
+def _tracks(episode: LogEpisode, mapping: LogMapping) -> dict[str, Array]:
+    """Time and value (T, 2) by signal, by slot, and by name of what is computed from them."""
+    t_s = episode.begin_s + mapping.period_s * np.arange(len(episode))
     known: dict[str, Array] = {
-        name: signals[name].to_numpy() * (-1.0 if mapping.quantity(name) is Quantity.BRAKE else 1.0)
-        for name in mapping.read_signals
+        name: values.to_numpy() * (-1.0 if mapping.quantity(name) is Quantity.BRAKE else 1.0)
+        for name, values in episode.signals.items()
+        if name in mapping.read_signals
     }
+    slots = {slot: mapping.name_of(quantity) for quantity, slot in _SLOTS.items()}
     for slot in (relations.OFFSET, relations.HEADING, relations.CURVATURE, relations.WHEEL):
-        name = slot.partition(".")[2]
-        known |= {slot: known[name]} if name in mapping.signals else {}
-    for quantity, slot in _SLOTS.items():
-        measured = mapping.name_of(quantity)
-        known |= {slot: known[measured]} if measured else {}
-    if speed:
-        known[_GAINED + speed] = np.gradient(known[speed], t_s)
+        slots[slot] = slot.partition(".")[2]
+    known |= {slot: known[name] for slot, name in slots.items() if name in mapping.signals}
+    if relations.VX in known:
+        known[f"{_GAINED}{slots[relations.VX]}"] = np.gradient(known[relations.VX], t_s)
     if mapping.pose:
-        pose = np.concatenate([episode.pose for episode in episodes])
-        vx, vy, known[_POSE_YAW_RATE] = np.gradient(pose, t_s, axis=0).T
+        vx, vy, known[_POSE_YAW_RATE] = np.gradient(episode.pose, t_s, axis=0).T
         known[_POSE_SPEED] = np.hypot(vx, vy)
-        known |= dict(zip((relations.X, relations.Y, relations.YAW), pose.T, strict=True))
+        known |= zip((relations.X, relations.Y, relations.YAW), episode.pose.T, strict=True)
     return {name: np.column_stack((t_s, values)) for name, values in known.items()}
 
 
@@ -138,9 +135,12 @@ def compare_signals(
 
     Ratios of two logs need a speed, to leave out the time in which the car stands.
     """
+    parts: dict[str, list[dict[str, Array]]] = defaultdict(list)
+    for episode in episodes:
+        parts[episode.drive].append(_tracks(episode, mapping))
     logs = {
-        file: _tracks([each for each in episodes if each.drive == file], mapping)
-        for file in dict.fromkeys(episode.drive for episode in episodes)
+        file: {name: np.concatenate([part[name] for part in own]) for name in own[0]}
+        for file, own in parts.items()
     }
     pairs = _pairs(mapping, tuple(logs[episodes[0].drive]))
     rows = relations.relations_of(mapping.car.car.geometry if mapping.car else None)
@@ -150,7 +150,7 @@ def compare_signals(
         Issue(
             "units" if isfinite(each.factor) else "relation",
             file,
-            f"{text}: {each.answer}{_guess(each.factor)}",
+            f"{text}: {each.answer.removeprefix('yes, ')}{_guess(each.factor)}",
         )
         for file, of_log in found.items()
         for text, each in of_log.items()
@@ -182,10 +182,10 @@ def _unit_issues(text: str, factors: Mapping[str, float]) -> Iterator[Issue]:
 def _guess(ratio: float) -> str:
     """What changes a number by this ratio: another sign, or a unit or its inverse."""
     if ratio < 0.0:
-        return ": a wrong sign?"
+        return " (a wrong sign?)"
     for factor, words in UNIT_MISTAKES.items() if ratio > 0.0 else ():
         if abs(abs(log(ratio)) - log(factor)) < log(1.12):
-            return f": {words}?"
+            return f" ({words}?)"
     return ""
 
 
