@@ -122,8 +122,9 @@ def _tracks(episode: LogEpisode, mapping: LogMapping) -> dict[str, Array]:
     if relations.VX in known:
         known[f"{_GAINED}{slots[relations.VX]}"] = np.gradient(known[relations.VX], t_s)
     if mapping.pose:
-        vx, vy, known[_POSE_YAW_RATE] = np.gradient(episode.pose, t_s, axis=0).T
-        known[_POSE_SPEED] = np.hypot(vx, vy)
+        slopes = np.gradient(episode.pose, t_s, axis=0)
+        known[_POSE_SPEED] = np.hypot(slopes[:, 0], slopes[:, 1])
+        known[_POSE_YAW_RATE] = slopes[:, 2]
         known |= zip((relations.X, relations.Y, relations.YAW), episode.pose.T, strict=True)
     return {name: np.column_stack((t_s, values)) for name, values in known.items()}
 

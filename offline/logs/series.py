@@ -11,10 +11,9 @@ from offline.logs.mapping import LogMapping
 from offline.logs.readers.log import Log, Series
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.errors import DatasetError
-from rt_controller.mapping.measurement import LONGEST_GAP_PERIODS
 from rt_controller.mapping.quantity import limits_of
 from rt_controller.mapping.slots import scaling_of
-from rt_controller.mapping.tables import ColumnMapping, Sampling, SignalMapping
+from rt_controller.mapping.tables import LONGEST_GAP_PERIODS, ColumnMapping, Sampling, SignalMapping
 from rt_controller.mapping.units import si_unit_of_name
 
 SHORTEST_STEP_S = 0.02

@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 from rt_controller.contract.timing import PERIOD_S
 from rt_controller.mapping.car_file import Source
-from rt_controller.mapping.measurement import LONGEST_GAP_PERIODS
 from rt_controller.mapping.slots import Slot
+from rt_controller.mapping.tables import LONGEST_GAP_PERIODS
 
 LONGEST_GAP_S = 0.1
 """of a message without a cycle time"""

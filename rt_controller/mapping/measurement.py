@@ -16,8 +16,6 @@ from rt_controller.mapping.slots import Scaling, Slot
 from rt_controller.mapping.tables import SwitchMapping
 from rt_controller.mapping.value_names import stands_for_no_value
 
-LONGEST_GAP_PERIODS = 3.5
-"""longest gap in cycle times of the DBC or usual sampling periods: two lost samples are bridged"""
 ALLOWED_UNUSABLE_SHARE = 0.01
 """share of samples that may be no measurements"""
 

@@ -88,6 +88,8 @@ CHECKSUM_PARAMETERS = {
     **dict.fromkeys(("sum8", "sum4"), _OF_SUMS),
 }
 """by kind, beside those of all"""
+LONGEST_GAP_PERIODS = 3.5
+"""longest gap in cycle times of the DBC or usual sampling periods: two lost samples are bridged"""
 
 
 class MappingTable(BaseModel):
