@@ -125,6 +125,14 @@ class CarEnd:
         """Frames of this gateway's messages that another node has sent, on either bus."""
         return self._foreign_commands + self._inbox.foreign_frames
 
+    @property
+    def message_of_two(self) -> str:
+        """What is wrong with a message of the car that two nodes send; empty: there is none."""
+        for name, source in self.reader.sources.items():
+            if len(self.reader.counts[source.message.name].sources) > 1:
+                return ". ".join(self.reader.objection(name))
+        return ""
+
     def follows(self, now_ns: int) -> bool | None:
         """Whether the car reports that it follows the commands; None: not known.
 

@@ -158,14 +158,15 @@ class Gateway:
         A driven car is braked.
 
         Raises:
-            BusError: another node sends messages of this one, such as a second gateway or a
-                simulated car, or two nodes send the same message of the car.
+            BusError: another node does, such as a second gateway or a simulated car; or two nodes
+                send one message of the car.
         """
-        if self._mode is not Mode.STANDBY:
-            return
-        if second := self.car_end.reader.second_sender():
-            raise BusError(f"Expected one sender of each message of the car, found {second}.")
-        if self.car_end.foreign_frames:
+        if self.car_end.message_of_two and self._mode is Mode.STANDBY:
+            raise BusError(
+                f"Expected one sender of each message of the car, found "
+                f"{self.car_end.message_of_two}."
+            )
+        if self.car_end.foreign_frames and self._mode is Mode.STANDBY:
             raise BusError(
                 f"Expected that only this gateway sends the messages of the vehicle and the "
                 f"commands for the car, found {self.car_end.foreign_frames} such frames of another "
@@ -247,7 +248,7 @@ class Gateway:
             return BrakingCause.NO_COMMAND
         if self.car_end.follows(now_ns) is None:
             return BrakingCause.CAR_UNKNOWN
-        if self.car_end.foreign_frames or self.car_end.reader.second_sender():
+        if self.car_end.foreign_frames or self.car_end.message_of_two:
             return BrakingCause.SECOND_SENDER
         command = self.car_end.command
         if command is not None and not self._has_driver(now_ns):

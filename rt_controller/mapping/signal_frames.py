@@ -60,8 +60,8 @@ class ReadCounts:
     """same counter as the frame before; dropped"""
     lost: int = 0
     """missing between two counters"""
-    sources: frozenset[int] = frozenset()
-    """addresses that send a message with source = "any" """
+    sources: tuple[int, ...] = ()
+    """addresses that send a message with source = "any"; only frames of the first are read"""
 
 
 class _Field(Measurement):
@@ -96,8 +96,8 @@ class _Frame:
         self.raws: dict[str, float] = {}
         """of every signal of a frame that is sent"""
         self.counts = ReadCounts()
-        self.last: dict[int, int] = {}
-        """counter of the newest frame that was read, by identifier"""
+        self.last: int | None = None
+        """counter of the newest frame that was read"""
         self.counter: Signal | None = None
         self.place: Place | None = None
         """of the checksum"""
@@ -108,8 +108,6 @@ class _Frame:
             signal = _require_signal(f"{where}.checksum", message, checksum.signal)
             self.place = place_of(f"{where}.checksum", checksum, signal)
         self.identifier = int(message.frame_id)
-        self.address: int | None = None
-        """of the first sender with source = "any", which alone is read"""
         if source is None:
             return
         if not message.is_extended_frame:
@@ -194,7 +192,11 @@ class SignalReader:
                 f"Correct [messages.{message.name}] checksum: kind, signal, parameters",
             )
         if len(counts.sources) > 1:
-            return _several_senders(message.name, counts.sources)
+            listed = ", ".join(f"{address:#04x}" for address in sorted(counts.sources))
+            return (
+                f"frames of {message.name} from {len(counts.sources)} source addresses ({listed})",
+                f"Name the one that is read: [messages.{message.name}] source = 0x…",
+            )
         if counts.wrong_length > ALLOWED_UNUSABLE_SHARE * counts.accepted:
             return (
                 f"{counts.wrong_length} frames of {message.name} have {counts.found_bytes} bytes, "
@@ -211,13 +213,6 @@ class SignalReader:
                 f"no sample, although {message.name} arrives: its multiplexer value is not sent"
             )
         return problem, f"Check that the car sends it, and `column` of {measured.slot.name}"
-
-    def second_sender(self) -> str:
-        """What is wrong if a message comes from several addresses, and what to do; else empty."""
-        for name, counts in self.counts.items():
-            if len(counts.sources) > 1:
-                return ". ".join(_several_senders(name, counts.sources))
-        return ""
 
     def read(self, frame: can.Message) -> dict[str, float] | None:
         """SI values of the slots in a frame, by name; NaN: the car sent none that may be used.
@@ -245,20 +240,21 @@ class SignalReader:
         if known.place and known.place.read(data) != known.checksum(identifier, data, number):
             counts.wrong_checksum += 1
             return None
+        if known.settings.source == "any":
+            address = identifier & 0xFF
+            if address not in counts.sources:
+                counts.sources += (address,)
+            if address != counts.sources[0]:
+                return None
         if counter is not None and counted is not None:
-            step = (number - known.last.get(identifier, number - 1)) % counts_to(counter)
+            last = number - 1 if known.last is None else known.last
+            step = (number - last) % counts_to(counter)
             if step == 0:
                 counts.repeated += 1
                 return None
             counts.lost += step - 1
-            known.last[identifier] = number
+            known.last = number
         counts.accepted += 1
-        if known.settings.source == "any":
-            address = identifier & 0xFF
-            counts.sources |= {address}
-            known.address = address if known.address is None else known.address
-            if address != known.address:
-                return None
         numbers = {}
         for field in known.fields:
             found = (raws.get(part.name) for part in field.parts)
@@ -266,14 +262,6 @@ class SignalReader:
             if len(values) == len(field.parts):
                 numbers[field.slot.name] = field.number(*values)
         return numbers
-
-
-def _several_senders(name: str, sources: frozenset[int]) -> tuple[str, str]:
-    listed = ", ".join(f"{address:#04x}" for address in sorted(sources))
-    return (
-        f"frames of {name} from {len(sources)} source addresses ({listed})",
-        f"Name the one that is read: [messages.{name}] source = 0x…",
-    )
 
 
 class SignalWriter:
