@@ -79,7 +79,7 @@ def _lines(errors: Sequence[Mapping[str, Any]], name: str, known: list[str]) -> 
         return
     for line in str(error["ctx"]["error"]).splitlines():
         separator = "" if not name else "." if _FIELD_FIRST.match(line) else ": "
-        yield f"{name}{separator}{line.rstrip('.')}."
+        yield f"{name}{separator}{line if line.endswith(':') else line.rstrip('.') + '.'}"
 
 
 def dotted(location: Location) -> str:
