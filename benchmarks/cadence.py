@@ -22,7 +22,7 @@ from rt_controller.contract.faults import StopCause
 from rt_controller.contract.figures import require_writable, write_figures
 from rt_controller.contract.timing import PERIOD_S
 from rt_controller.model.artifact import shipped_model
-from rt_controller.realtime.timing import SOLVE_FIELDS, Histogram, TickTimes
+from rt_controller.realtime.timing import TickTimes, percentiles_of
 from rt_controller.report.table import Column, Table, print_table
 from rt_controller.terminal.command_line import run_command
 
@@ -131,7 +131,8 @@ def aggregate(drives: Sequence[CadenceRun]) -> dict[str, Any]:
     """
     summaries = [drive.summary for drive in drives]
     ticks = np.concatenate([drive.ticks for drive in drives])
-    times = {name: _percentiles(ticks, name) for name in ticks.dtype.names or () if name != "tick"}
+    rows = np.stack([ticks[name] for name in TickTimes._fields], axis=1)
+    times = {name: percentiles_of(rows, name)._asdict() for name in TickTimes._fields}
     step_us, preparation_us = (times[name]["mean"] for name in ("total_us", "preparation_us"))
     return {
         "computed_s_in_400_steps": 400e-6 * step_us,
@@ -148,14 +149,6 @@ def aggregate(drives: Sequence[CadenceRun]) -> dict[str, Any]:
         ),
         **times,
     }
-
-
-def _percentiles(ticks: NDArray[np.void], field: str) -> dict[str, float]:
-    histogram = Histogram()
-    counted = ticks[ticks["qp_iterations"] > 0.0] if field in SOLVE_FIELDS else ticks
-    for value in counted[field].tolist():
-        histogram.add(value)
-    return histogram.percentiles()._asdict()
 
 
 def _table(found: dict[str, Any]) -> Table:

@@ -10,10 +10,10 @@ import numpy as np
 
 from rt_controller.contract.signals import VehicleState
 from sim_bridge.faults.fault import Fault
-from sim_bridge.plant.parts import Payload
 from sim_bridge.plant.shipped_cars import shipped_cars
 from sim_bridge.scenario import Scenario, load_scenario
 from sim_bridge.scenario.checks import problems
+from sim_bridge.scenario.scenario import Load
 from sim_bridge.scenario.speed import constant_speed
 from sim_bridge.scenario.table import constant
 
@@ -103,7 +103,9 @@ def conditions(scenarios: Sequence[str]) -> Iterator[Condition]:
             if condition.speed_step_mps:
                 speed_mps = driven.speed.highest_mps + condition.speed_step_mps
                 start = driven.start.model_copy(update={"speed_mps": speed_mps})
-                faster = replace(driven, speed=constant_speed(speed_mps), start=start)
+                wanted = {"speed_kmh": constant_speed(speed_mps)}
+                reference = driven.reference.model_copy(update=wanted)
+                faster = replace(driven, reference=reference, initial=start)
                 if problems(faster):  # the path is too sharp for it
                     condition = condition._replace(speed_step_mps=0.0)
             yield condition
@@ -137,7 +139,7 @@ def disturbed(condition: Condition) -> Scenario:
     slope = {"grade": condition.grade, "bank_rad": radians(condition.bank_deg)}
     changed = replace(
         scenario,
-        payload=Payload(mass_kg=condition.mass_kg),
+        payload=Load.model_construct(mass_kg=condition.mass_kg),
         faults=tuple(faults),
         cross_wind_mps=constant(condition.wind_mps),
         road=scenario.road.model_copy(update={name: constant(x) for name, x in slope.items()}),

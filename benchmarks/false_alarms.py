@@ -8,33 +8,32 @@ driven again without checks: if the car leaves its path there too, it has too li
 stop is right; else the alarm is a false one.
 """
 
-import json as json_module
-from collections.abc import Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
+import warnings
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass
-from functools import partial
-from itertools import islice
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Annotated, Any
 
 import cyclopts
 import numpy as np
+from pydantic import TypeAdapter
 from rich.console import Console
 
 from benchmarks.conditions import Condition, conditions, disturbed
+from offline.campaign import THIS_MACHINE, Backend, run_campaign
 from rt_controller.config import ControllerConfig
-from rt_controller.contract.errors import ConfigError, PlantError
+from rt_controller.contract.errors import PlantError
 from rt_controller.contract.faults import StopCause
 from rt_controller.contract.figures import require_writable, write_figures
+from rt_controller.contract.quantities import Quantity
 from rt_controller.contract.timing import PERIOD_S
 from rt_controller.drive.table import Drive
 from rt_controller.model.artifact import SHIPPED_MODEL
 from rt_controller.model.bundle import Bundle
 from rt_controller.node import build_mpc
 from rt_controller.report.table import Column, Table, to_markdown
-from rt_controller.safety.checks import CHECKS, Check, Quantity, Reaction
+from rt_controller.safety.checks import CHECKS, Check, Reaction
 from rt_controller.session import ControllerSession
 from rt_controller.settings import CarSettings
 from rt_controller.simulation import drive_in_lockstep
@@ -84,14 +83,17 @@ class DriveResult:
         return {**asdict(self), "condition": self.condition._asdict()}
 
 
+_RESULT = TypeAdapter(DriveResult)
+
+
 @app.default
 def main(
     *,
     model: str | None = None,
     scenarios: tuple[str, ...] = (),
     hours: float = 10.0,
-    jobs: int = 1,
     drives: Path | None = None,
+    backend: Backend = THIS_MACHINE,
     json: Annotated[Path | None, cyclopts.Parameter(name="--json")] = None,
 ) -> None:
     """Drive until so many hours are reached, and print the rate of false alarms of each check.
@@ -100,7 +102,6 @@ def main(
         model: name of a shipped model, or folder of a bundle.
         scenarios: names, or paths of .toml files; default: all that are shipped, and tight bends.
         hours: of simulated driving.
-        jobs: processes.
         drives: file with one line of JSON for each drive. What it already has is not driven again:
             an interrupted run goes on with the same command.
         json: also write the figures there.
@@ -108,18 +109,21 @@ def main(
     require_writable(json)
     require_writable(drives, "--drives")
     bundle = Bundle.load(model)
-    found = _earlier(drives, bundle.sha256[:16])
-    done = {each.condition for each in found}
-    chosen = scenarios or (*shipped_scenarios(), *BENDS)
-    todo = (each for each in conditions(chosen) if each not in done)
-    for each in _drive_all(todo, model, max(jobs, 1), 3600.0 * hours - _driven_s(found)):
+    tasks = (
+        (" ".join(map(str, each)), (each, model))
+        for each in conditions(scenarios or (*shipped_scenarios(), *BENDS))
+    )
+    made_with = {"model_sha256": bundle.sha256}
+    results = run_campaign(measure, tasks, backend, drives, made_with, in_order=True)
+    found, driven_h = list[DriveResult](), 0.0
+    while driven_h < hours:
+        each = _RESULT.validate_python(next(results)[1])
         found.append(each)
-        if drives is not None:
-            line = {"model": bundle.sha256[:16], "drive": each.figures()}
-            with drives.open("a", encoding="utf-8") as file:
-                file.write(json_module.dumps(line) + "\n")
-        driven_h = _driven_s(found) / 3600.0
+        driven_h += each.driven_s / 3600.0
         print(f"{driven_h:.3f} h {each.condition} {each.failed_checks}", flush=True)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)  # of joblib, that drives were cancelled
+        results.close()
     if not found:
         return
     figures = figures_of(found)
@@ -131,49 +135,16 @@ def main(
     write_figures(json, {"model_sha256": {model or SHIPPED_MODEL: bundle.sha256}, **figures})
 
 
-def _drive_all(
-    todo: Iterator[Condition], model: str | None, jobs: int, seconds: float
-) -> Iterator[DriveResult]:
-    """Drives in order until so many seconds of driving are reached."""
-    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
-        while seconds > 0.0:
-            for found in pool.map(partial(measure, model=model), islice(todo, 4 * jobs)):
-                seconds -= found.driven_s
-                yield found
+def measure(condition: Condition, model: str | None) -> dict[str, Any]:
+    """`DriveResult` of one drive in simulated time, as JSON.
 
-
-def _earlier(path: Path | None, model: str) -> list[DriveResult]:
-    """The drives of an interrupted run.
-
-    Raises:
-        ConfigError: they are of another model.
-    """
-    if path is None or not path.exists():
-        return []
-    lines = [json_module.loads(line) for line in path.read_text().splitlines()]
-    if others := {line["model"] for line in lines} - {model}:
-        raise ConfigError(
-            f"--drives {path}: expected drives of the model {model}, found {', '.join(others)}. "
-            f"Name another file, or the same model."
-        )
-    results = []
-    for line in lines:
-        drive = line["drive"]
-        condition, failed = Condition(**drive["condition"]), tuple(drive["failed_checks"])
-        results.append(DriveResult(**{**drive, "condition": condition, "failed_checks": failed}))
-    return results
-
-
-def measure(condition: Condition, model: str | None) -> DriveResult:
-    """One drive in simulated time: the largest values and the failed checks of its supervisor.
-
-    Those in a stop count only if it was requested: another one begins with a false alarm, and its
-    consequences are no further ones.
+    Values and failed checks in a stop count only if it was requested: another one begins with a
+    false alarm, and its consequences are no further ones.
     """
     largest, failed = np.zeros(len(Quantity)), set[str]()
 
     def note(session: ControllerSession) -> None:
-        supervisor, tick = session._supervisor, session._step.last
+        supervisor, tick = session.supervisor, session.record.result
         if not tick.is_driven or (tick.is_stopping and condition.stop_at_s is None):
             return
         np.maximum(largest, supervisor.values, out=largest)
@@ -186,7 +157,7 @@ def measure(condition: Condition, model: str | None) -> DriveResult:
     if failed:
         with suppress(PlantError):  # such as a car that does not come to rest: not decided
             unchecked_m = round(_drive(condition, model, checks=()).errors.ey_peak_m, 4)
-    return DriveResult(
+    result = DriveResult(
         condition=condition,
         driven_s=PERIOD_S * int(np.sum(drive["mode"] > 0)),
         ey_peak_m=round(drive.errors.ey_peak_m, 4),
@@ -194,6 +165,7 @@ def measure(condition: Condition, model: str | None) -> DriveResult:
         failed_checks=tuple(sorted(failed)),
         largest={q.name.lower(): round(float(largest[q]), 6) for q in Quantity},
     )
+    return result.figures()
 
 
 def _drive(
@@ -212,13 +184,9 @@ def _drive(
     )
 
 
-def _driven_s(found: Sequence[DriveResult]) -> float:
-    return sum(each.driven_s for each in found)
-
-
 def figures_of(found: Sequence[DriveResult]) -> dict[str, Any]:
     """Counts of all drives, and margin and rate of each check that acts while driving."""
-    hours, rows = max(_driven_s(found) / 3600.0, 1e-9), []
+    hours, rows = max(sum(each.driven_s for each in found) / 3600.0, 1e-9), []
     sound = [each for each in found if not each.has_lost_path]
     for check in CHECKS:
         if check.reaction in _NO_ALARM:

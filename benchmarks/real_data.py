@@ -6,10 +6,10 @@ from typing import Annotated, Any
 
 import cyclopts
 
+from offline.campaign import THIS_MACHINE
 from offline.commands.evaluate import evaluation_figures, run_evaluation
 from offline.commands.export import export_run
 from offline.commands.log_import import import_logs
-from offline.commands.options import THIS_MACHINE
 from offline.commands.terminal import STDOUT
 from offline.commands.train import start_run
 from offline.config import TrainingConfig

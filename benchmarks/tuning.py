@@ -100,7 +100,7 @@ def main(
     The second one of a rival is the result of its last search.
 
     Args:
-        controller: stanley, bicycle-mpc, bicycle-nmpc, a shipped model, or the folder of a bundle.
+        controller: stanley, bicycle-mpc, a shipped model, or the folder of a bundle.
         trials: number of trials, each a drive of every scenario of the search.
         seed: of the search (TPE of Optuna).
         nearby: search within a factor of 1.5 of the last result of a rival.

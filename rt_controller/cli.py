@@ -24,12 +24,12 @@ app = new_app(
     "goes to stdout, progress and messages to stderr. Exit codes: 0 ok, 1 internal error, 2 usage, "
     "configuration or model, 3 an optional package is missing, 4 deadlines missed, 5 bus, 6 ended "
     "in a safe stop, or the vehicle braked by itself, 7 the simulated plant failed, 8 the "
-    "simulated drive missed a limit of its scenario, 9 a log, a result file or an output stream is "
+    "simulated drive missed a limit of its scenario, 9 a log or a result file is "
     "incomplete, 130 ended at once by a third Ctrl-C, or by one while it was loading.",
     "--bus NAME",
     {
         "Main options": "bus channel scenario car model duration-s record plot json config",
-        "Bus": "bitrate fd bus-option wait-s stay check",
+        "Bus": "bitrate bus-option wait-s stay check",
         "Simulated car (--bus virtual)": "plant plant-mapping friction friction-right "
         "transport-delay actuation-delay faults pace",
         "Results": "overwrite ticks quiet verbose max-misses",
@@ -98,7 +98,6 @@ def gateway(
     bus: str,
     channel: str = "rt-controller",
     bitrate: _Bitrate | None = None,
-    fd: bool = False,
     car_bus: str,
     car_channel: str,
     car_bitrate: _Bitrate | None = None,
@@ -120,8 +119,6 @@ def gateway(
         of that interface
     bitrate
         of that interface, in bit/s
-    fd
-        frames of CAN FD between gateway and rt-controller; the car's own are classic ones
     car_bus
         python-can interface on which the car is
     car_channel
@@ -138,7 +135,7 @@ def gateway(
     from rt_controller.settings import BusSettings
     from rt_controller.terminal.signals import gateway_at_terminal
 
-    contract = BusSettings(bus=bus, channel=channel, bitrate=bitrate, fd=fd)
+    contract = BusSettings(bus=bus, channel=channel, bitrate=bitrate)
     car = BusSettings(bus=car_bus, channel=car_channel, bitrate=car_bitrate)
     return gateway_at_terminal(file, contract, car, model, priority, json_file)
 

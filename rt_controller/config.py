@@ -13,7 +13,7 @@ from rt_controller.contract.timing import HOLD_PLAN_TICKS, PERIOD_MS
 from rt_controller.settings_table import Settings
 
 if TYPE_CHECKING:
-    from rt_controller.control.terms import TrackingCost
+    from rt_controller.control.eq14 import TrackingCost
     from rt_controller.model.bundle import Bundle
 
 
@@ -109,7 +109,7 @@ class MpcSettings(Settings):
 
     def cost(self) -> "TrackingCost":
         """The same in SI units, in vector order."""
-        from rt_controller.control.terms import TrackingCost
+        from rt_controller.control.eq14 import TrackingCost
 
         t = self.tolerance
         return TrackingCost(

@@ -9,16 +9,10 @@ from typing import Any, TypeVar
 import numpy as np
 from threadpoolctl import ThreadpoolController
 
+from rt_controller.bus.messages import REFERENCE, STATE, Message
 from rt_controller.config import ControllerConfig, require_config
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.preview import require_curvature, require_range
-from rt_controller.contract.signal_ranges import (
-    LARGEST_PATH,
-    LARGEST_STATE,
-    SMALLEST_PATH,
-    SMALLEST_STATE,
-    require_in_range,
-)
 from rt_controller.contract.signals import (
     NEUTRAL_INPUT,
     ControlInput,
@@ -151,8 +145,8 @@ class Controller:
         # All is checked before anything is stored.
         state = _vector("state", state, VehicleState)
         path = _vector("path", path, PathReference)
-        require_in_range("state", state, SMALLEST_STATE, LARGEST_STATE)
-        require_in_range("path", path, SMALLEST_PATH, LARGEST_PATH)
+        _require_in_range("state", state, STATE)
+        _require_in_range("path", path, REFERENCE)
         here_per_m, preview = _curvature(curvature_per_m)
         if applied is not None:
             self._previous = _input("applied", applied)
@@ -167,8 +161,8 @@ class Controller:
         preview: CurvaturePreview | None,
         under_way: Sequence[ControlInput],
     ) -> Plan:
-        self._mpc.observe(state, self._previous)
-        status = self._mpc.plan(state, curvature_per_m, path, self._previous, preview, under_way)
+        x_0 = self._mpc.observe(state, self._previous)
+        status = self._mpc.plan(x_0, curvature_per_m, path, self._previous, preview, under_way)
         states = self._mpc.predicted_states()
         inputs = self._mpc.inputs.copy()
         if states is None:
@@ -192,6 +186,16 @@ def _vector(name: str, found: Any, kind: type[Vector]) -> Vector:
             f"{found!r:.80}."
         )
     return kind(*map(float, numbers))
+
+
+def _require_in_range(name: str, found: Vector, message: Message[Any]) -> None:
+    """Return if all fields are within the ranges that they have on the bus; NaN is not."""
+    for field, value, (low, high) in zip(found._fields, found, message.ranges, strict=False):
+        if not low <= value <= high:
+            raise ValueError(
+                f"{name}.{field}: expected {low:g} to {high:g}, found {value:g}. The name ends in "
+                f"the unit."
+            )
 
 
 def _curvature(found: Any) -> tuple[float, CurvaturePreview | None]:

@@ -18,11 +18,11 @@ from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.limits import SteeringGeometry
 from rt_controller.contract.signals import AT_REST, NEUTRAL_INPUT, PathReference
 from rt_controller.contract.timing import PERIOD_S
+from rt_controller.control.eq14 import Corridor
 from rt_controller.control.identification import identify_gains
 from rt_controller.control.low_speed import LowSpeedCar, LowSpeedLaw, PedalGains, SpeedRange
 from rt_controller.control.mpc import Mpc
 from rt_controller.control.program import SolveStatus
-from rt_controller.control.terms import Corridor
 from rt_controller.control.warm_start import open_solver
 from rt_controller.model.bundle import Bundle
 from rt_controller.model.validation import require_drivable
@@ -99,7 +99,7 @@ def plan_at_constant_speed(mpc: Mpc) -> None:
     state = AT_REST._replace(vx_mps=20.0, ds_m=20.0 * PERIOD_S)
     path = PathReference(0.0, 0.0, 0.0, 0.0, v_mps=20.0, a_mps2=0.0)
     for _ in range(WARM_UP_STEPS):
-        status = mpc.plan(state, 0.0, path, NEUTRAL_INPUT)
+        status = mpc.plan(mpc.observe(state, NEUTRAL_INPUT), 0.0, path, NEUTRAL_INPUT)
     if status is not SolveStatus.SOLVED:
         raise ConfigError(
             f"The QP of a constant 20 m/s on a straight path: expected it to be solved, found "
@@ -123,7 +123,6 @@ def build_node(
     mpc: Mpc,
     clock: TimeSource,
     recorder: Recorder | None = None,
-    is_fd: bool = False,
     note_call: Callable[[str], None] = lambda name: None,
     checks: Sequence[Check] | None = None,
 ) -> ControlNode:
@@ -136,7 +135,6 @@ def build_node(
         mpc: the planner.
         clock: of the loop.
         recorder: of frames; None: they are not recorded.
-        is_fd: the bus has frames of CAN FD.
         note_call: as of `ControlStep`.
         checks: of the supervisor; None: all, with the thresholds of the model's car.
 
@@ -144,8 +142,8 @@ def build_node(
         ArtifactError: the model's encoder cannot be used.
         ConfigError: the model's car has thresholds of quantities that do not exist.
     """
-    inbox = Inbox(Node.CONTROLLER, recorder, is_fd=is_fd)
-    outbox = Outbox(bus, Node.CONTROLLER, recorder, is_fd=is_fd)
+    inbox = Inbox(Node.CONTROLLER, recorder)
+    outbox = Outbox(bus, Node.CONTROLLER, recorder)
     low_speed_car = choose_low_speed_car(bundle, config.low_speed)
     supervisor = Supervisor(
         MotionPrediction(bundle, bundle.n_observables),

@@ -65,7 +65,7 @@ class Receiver:
         self._mission: Received[Mission] | None = None
         self._feedback: Received[ControlInput] | None = None
         self._engagement = Engagement()
-        self._catalogue = PeerCatalogue(inbox.is_fd)
+        self._catalogue = PeerCatalogue()
         self._out_of_range = {STATE: 0, REFERENCE: 0}
 
     def read_ahead(self, now_ns: int) -> None:

@@ -9,6 +9,7 @@ from threading import Thread
 import can
 
 from rt_controller.bus.identity import require_same_catalogue
+from rt_controller.bus.log.recorder import Recorder
 from rt_controller.bus.messages import REFERENCE, STATE, VEHICLE_IDENTITY
 from rt_controller.bus.receive import Inbox
 from rt_controller.bus.transport import close_bus
@@ -28,12 +29,7 @@ from rt_controller.realtime.scheduling import (
     set_thread_priority,
 )
 from rt_controller.realtime.timing import DeadlineAccount, KernelCounters
-from rt_controller.recording.journal import (
-    BUS_FAILURE,
-    TickRecord,
-    describe_run,
-    open_recording,
-)
+from rt_controller.recording.journal import BUS_FAILURE, TickRecord, describe_run
 from rt_controller.safety.checks import Check
 from rt_controller.settings import BusSettings
 
@@ -71,7 +67,7 @@ def wait_for_vehicle(
         now_ns = clock.now_ns()
         peer, state = inbox.newest(VEHICLE_IDENTITY), inbox.newest_valid(STATE, now_ns)
         if peer is not None:
-            require_same_catalogue(peer.content, inbox.is_fd)
+            require_same_catalogue(peer.content)
             if state is not None and inbox.newest_valid(REFERENCE, now_ns) is not None:
                 clock.align(state.arrival_ns + phase_ns)
                 return
@@ -87,13 +83,6 @@ def _missing_frames(inbox: Inbox, wait_ns: int) -> str:
         "a complete REF_PATH/REF_SPEED": inbox.newest(REFERENCE),
     }
     missing = ", ".join(name for name, newest in received.items() if newest is None)
-    if inbox.counts.other_format > 0:
-        own, other = ("CAN FD", "classic CAN") if inbox.is_fd else ("classic CAN", "CAN FD")
-        return (
-            f"Expected the vehicle on the bus with frames of {own} within {wait_ns / 1e9:g} s, "
-            f"found {inbox.counts.other_format} of {other}. Start both ends with --fd, or both "
-            f"without."
-        )
     dropped = inbox.counts.crc_errors + inbox.counts.out_of_range
     return (
         f"Expected the vehicle on the bus within {wait_ns / 1e9:g} s, still missing: {missing} "
@@ -158,7 +147,7 @@ class ControllerSession:
         self.stop_values: tuple[float, ...] = ()
         """of the checks, by `Quantity`, in the tick in which the last safe stop began"""
         self.observe: Callable[[ControllerSession], None] = lambda session: None
-        """called after each tick"""
+        """called after each tick; `record` has its result, `supervisor` the values of its checks"""
         self._request = StopRequest()
         self._thread: Thread | None = None
         self._receive_failures = 0
@@ -170,20 +159,25 @@ class ControllerSession:
             bus = bus_settings.open_bus()
             opened.callback(close_bus, bus)
             self._bus = bus
-            header = describe_run(config, bundle, mpc.max_iterations, bus_settings.fd)
-            self.recorder = open_recording(
-                log, bus_settings.channel, self.is_lockstep, header, replaces
-            )
-            if self.recorder is not None:
-                opened.callback(self.recorder.close)
-            self.inbox, self.outbox, self._step, self._supervisor = build_node(
+            header = describe_run(config, bundle, mpc.max_iterations)
+            self.recorder: Recorder | None = None
+            if log is not None:
+                self.recorder = opened.enter_context(
+                    Recorder(
+                        log,
+                        bus_settings.channel,
+                        is_lockstep=self.is_lockstep,
+                        replaces=replaces,
+                        journal=header.model_dump(),
+                    )
+                )
+            self.inbox, self.outbox, self._step, self.supervisor = build_node(
                 self._bus,
                 config,
                 bundle,
                 mpc,
                 clock,
                 self.recorder,
-                bus_settings.fd,
                 self._record_call,
                 checks,
             )
@@ -202,11 +196,6 @@ class ControllerSession:
         )
         self._thread.start()
         return self._thread
-
-    @property
-    def checks(self) -> Sequence[Check]:
-        """Of plausibility, with the thresholds of the model's car."""
-        return self._supervisor.checks
 
     @property
     def stop_requests(self) -> int:
@@ -244,7 +233,7 @@ class ControllerSession:
     def _after_tick(self, tick: FinishedTick) -> None:
         self.observe(self)
         if tick.number == self.record.stop_tick:
-            self.stop_values = tuple(self._supervisor.values)
+            self.stop_values = tuple(self.supervisor.values)
         recorder, failures = self.recorder, self.inbox.counts.receive_failures
         if recorder is None:
             return
@@ -267,7 +256,7 @@ class ControllerSession:
             None if measured.cause is None else measured.cause.value,
             {name: round(value, 1) for name, value in measured.times._asdict().items()},
         )
-        recorder.record_event(record)
+        recorder.record_event(record.to_json())
 
     def _run(self, duration_s: float | None, waits_for_missions: bool, wait_s: float) -> None:
         settings, clock = self._settings, self._clock

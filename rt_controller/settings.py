@@ -61,8 +61,6 @@ class BusSettings(Settings):
     """the interface's channel, e.g. can0 or ws://127.0.0.1:54701/"""
     bitrate: PositiveInt | None = None
     """bit/s, where the interface sets it"""
-    fd: bool = False
-    """frames of CAN FD, protected by E2E profile 5, instead of classic ones; at both ends"""
     bus_option: dict[str, str] | None = None
     """further options of the interface, as --bus-option.KEY VALUE"""
 
@@ -73,16 +71,19 @@ class BusSettings(Settings):
             raise ValueError("expected a value for each key, written --bus-option.KEY VALUE")
         return found
 
-    def open_bus(self) -> "can.BusABC":
-        """The open bus.
+    def open_bus(self, is_fd: bool = False) -> "can.BusABC":
+        """The open bus; `is_fd`: for frames of CAN FD too, which a car may send.
 
         Raises:
             ConfigError, MissingExtraError, BusError: as `rt_controller.bus.transport.open_bus`.
         """
-        from rt_controller.bus.transport import open_bus, parse_options
+        from can.util import cast_from_string
 
-        options = parse_options(self.bus_option or {})
-        return open_bus(self.bus, self.channel, self.bitrate, options, is_fd=self.fd)
+        from rt_controller.bus.transport import open_bus
+
+        written = self.bus_option or {}
+        options = {name: cast_from_string(value) for name, value in written.items()}
+        return open_bus(self.bus, self.channel, self.bitrate, options, is_fd)
 
 
 class CarSettings(Settings):

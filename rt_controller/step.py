@@ -1,6 +1,5 @@
 """One control step: from received frames to the command frames, by the equations of the paper."""
 
-from collections import deque
 from collections.abc import Callable
 from dataclasses import replace
 from math import inf
@@ -20,7 +19,7 @@ from rt_controller.bus.receive import Inbox
 from rt_controller.bus.send import DiscardBus, Outbox
 from rt_controller.contract.car import DEFAULT_CAR, Car
 from rt_controller.contract.faults import Fault, StopCause
-from rt_controller.contract.signals import NEUTRAL_INPUT, ControlInput, Mode
+from rt_controller.contract.signals import NEUTRAL_INPUT, ControlInput, Mode, VehicleState
 from rt_controller.contract.timing import IDENT_PERIOD_TICKS, PERIOD_S
 from rt_controller.control.input_planner import InputPlanner, PlannedInput
 from rt_controller.control.low_speed import LowSpeedLaw
@@ -28,11 +27,10 @@ from rt_controller.control.mpc import MOST_UNDER_WAY, Mpc
 from rt_controller.control.steering_actuator import LONGEST_DELAY, SteeringActuator
 from rt_controller.realtime.clock import TimeSource
 from rt_controller.receive import Receiver
-from rt_controller.safety.checks import Quantity
 from rt_controller.safety.envelope import limit
-from rt_controller.safety.fallback import ALONG_PATH, braking_for, input_for
 from rt_controller.safety.freshness import ROUND_TRIP_MAX_TICKS
 from rt_controller.safety.modes import decide
+from rt_controller.safety.stop import ALONG_PATH, input_for
 from rt_controller.safety.supervisor import Supervisor
 from rt_controller.safety.tick import Tick
 
@@ -67,23 +65,21 @@ class ControlStep:
         self._note_call = note_call
         self._receiver = Receiver(bus, inbox)
         self._outbox = outbox
-        self._dry_run_outbox = Outbox(DiscardBus(), Node.CONTROLLER, is_fd=outbox.is_fd)
+        self._dry_run_outbox = Outbox(DiscardBus(), Node.CONTROLLER)
         self._planner = InputPlanner(mpc, low_speed)
         self._low_speed = low_speed
         self._limits, self._force_scale = car.limits, car.force_scale
         self._along_path = ALONG_PATH.scaled(car.force_scale)
         self._clock = clock
-        self._identity = own_identity(model_hash, outbox.is_fd)
+        self._identity = own_identity(model_hash)
         self._supervisor = supervisor
         self._send_failures = 0
         self._ticks = 0
         self._is_stop_requested = False
         self._actuation_periods = actuation_periods
         self._steering = SteeringActuator(actuation_periods, car.limits.rate_per_s.steer_rad)
-        self._sent = deque([NEUTRAL_INPUT] * MOST_UNDER_WAY, maxlen=MOST_UNDER_WAY)
+        self._sent = supervisor.sent
         self._is_history_estimated = False
-        self._at_takeover: ControlInput | None = None
-        """the input that acted on the car before this controller drove; None: not known"""
 
     def run(
         self,
@@ -109,11 +105,11 @@ class ControlStep:
         estimate = tick.estimate = supervisor.check(tick)
         end_stage()
 
-        self._update_history(tick, applied, last)
+        x_0 = self._observe(tick, applied, last)
         before, of_car = last.control, None if tick.is_driven else tick.feedback
         if of_car is not None:
             before = of_car._replace(steer_rad=before.steer_rad)
-        plan = self._plan_input(tick, before, of_car)
+        plan = self._plan_input(tick, x_0, before, of_car)
         tick.planned, tick.has_solver_failed = plan.control, plan.has_solver_failed
         tick.qp_iterations, tick.qp_ns = plan.qp_iterations, plan.qp_ns
         tick.periods_held, law = self._planner.periods_held, self._planner.law
@@ -122,14 +118,8 @@ class ControlStep:
 
         tick.mode, tick.cause = decide(tick, last.cause)
         is_held = law is Mode.STANDSTILL
-        braking = braking_for(
-            estimate.alarm,
-            estimate.speed_mps is not None and estimate.is_path_received,
-            supervisor.cornering(last.control),
-            supervisor.values[Quantity.THROTTLE],
-            self._force_scale,
-            is_held,
-        )
+        steer_rad, scale = last.control.steer_rad, self._force_scale
+        braking = supervisor.braking(estimate, steer_rad, is_held, scale)
         if tick.mode is Mode.STANDBY:
             before = last.control
         wheel_rad = None if of_car is None else of_car.steer_rad
@@ -137,8 +127,7 @@ class ControlStep:
         tick.limits = self._limits.with_wheel(self._most_steer_rad(tick))
         control = tick.control = limit(wanted, before, tick.limits)
         acting = control if of_car is None or tick.mode is not Mode.STANDBY else of_car
-        supervisor.note(acting, plan.lifted)
-        self._sent.append(acting)
+        supervisor.note(acting, plan.lifted, self._receiver.counter)
         tick.faults = self._faults(tick, missed_deadline)
         self.last = tick
         end_stage()
@@ -157,23 +146,16 @@ class ControlStep:
         a slow wheel is that which it reports.
         """
         steering, echo = self._steering, self._receiver.command_echo
-        accepted = []
-        if echo is not None:
-            accepted = self._outbox.contents_until(COMMAND, echo, LONGEST_DELAY + 1)
-        if accepted and accepted[-1].mode is not Mode.STANDBY:
-            self._at_takeover = None
-        elif self._at_takeover is not None:
-            before = Command(self._at_takeover, Mode.STANDBY)
-            accepted = [before if each.mode is Mode.STANDBY else each for each in accepted]
+        accepted = [] if echo is None else self._sent.until(echo, LONGEST_DELAY + 1)
         is_ours = tick.is_driven and tick.state is not None and not tick.is_vehicle_braking
         if tick.feedback is None or len(accepted) <= LONGEST_DELAY or not is_ours:
             steering.note(None, None)
         else:
-            steering.note([each.control.steer_rad for each in accepted], tick.feedback.steer_rad)
+            steering.note([each.steer_rad for each in accepted], tick.feedback.steer_rad)
         applied = None
         if len(accepted) > max(self._actuation_periods, steering.delay_periods):
-            applied = accepted[self._actuation_periods].control
-            angle_rad = accepted[steering.delay_periods].control.steer_rad
+            applied = accepted[self._actuation_periods]
+            angle_rad = accepted[steering.delay_periods].steer_rad
             if steering.is_slow and steering.angle_rad is not None:
                 angle_rad = steering.angle_rad
             if angle_rad != applied.steer_rad:
@@ -183,7 +165,6 @@ class ControlStep:
         else:
             tick.applied = applied
         if not tick.is_driven:
-            self._at_takeover = tick.feedback
             tick.is_wheel_matched = tick.feedback is None or self._is_matched(tick.feedback)
         tick.late_ticks = steering.late_periods
         return applied
@@ -195,9 +176,13 @@ class ControlStep:
         return abs(wheel_rad - last_rad) < self._limits.rate_per_s.steer_rad * PERIOD_S
 
     def _plan_input(
-        self, tick: Tick, before: ControlInput, of_car: ControlInput | None
+        self,
+        tick: Tick,
+        x_0: VehicleState | None,
+        before: ControlInput,
+        of_car: ControlInput | None,
     ) -> PlannedInput:
-        """Plan from the state and the path that the supervisor accepts, or hold the last plan.
+        """Plan from x_0 along the path that the supervisor accepts, or hold the last plan.
 
         `before` is the input of the last period, `of_car` that of the driver who still drives.
 
@@ -205,23 +190,18 @@ class ControlStep:
         the estimated state and along the last known path where they are not received.
         """
         estimate, steering = tick.estimate, self._steering
-        state, path = estimate.state, estimate.path
-        is_stopping = tick.is_stopping or estimate.alarm is not StopCause.NONE
-        is_received = estimate.is_measured and estimate.is_path_received
-        is_wanted = is_stopping or (tick.is_engaged and is_received)
-        if state is None or path is None or not is_wanted:
+        path, is_received = estimate.path, estimate.is_measured and estimate.is_path_received
+        is_wanted = estimate.stops or (tick.is_engaged and is_received)
+        if x_0 is None or path is None or not is_wanted:
             return self._planner.hold(tick.periods)
-        preview = estimate.preview
-        if tick.state is not None and not is_stopping:
-            preview = None if tick.has_implausible_preview else tick.preview
         return self._planner.plan(
-            state,
+            x_0,
             estimate.curvature_per_m,
-            steering.slowed(path, state.vx_mps),
-            preview,
+            steering.slowed(path, x_0.vx_mps),
+            estimate.preview,
             before,
             tick.periods,
-            stops=is_stopping,
+            stops=estimate.stops,
             under_way=self._under_way(before),
             steering_rate_radps=steering.rate_radps,
             of_car=of_car,
@@ -232,13 +212,13 @@ class ControlStep:
 
         If the wheel is later than the pedals, the last input of the pedals is held until then.
         """
-        sent, transport = tuple(self._sent), self._receiver.transport_periods
-        of_pedals = sent[len(sent) - transport - self._actuation_periods :]
+        sent, transport = self._sent, self._receiver.transport_periods
+        of_pedals = sent.last(min(transport + self._actuation_periods, MOST_UNDER_WAY))
         steering = self._steering
         if steering.delay_periods == self._actuation_periods and not steering.is_slow:
             return of_pedals
-        periods = min(transport + steering.delay_periods, len(sent))
-        of_wheel = sent[len(sent) - periods :]
+        periods = min(transport + steering.delay_periods, MOST_UNDER_WAY)
+        of_wheel = sent.last(periods)
         angles_rad = steering.angles_under_way([each.steer_rad for each in of_wheel])
         pedals = (*of_pedals, *[last] * (periods - len(of_pedals)))
         return tuple(
@@ -259,7 +239,7 @@ class ControlStep:
         self._note_call("update_matrices")
         self._planner.prepare()
         delay = self._receiver.transport_periods + self._actuation_periods
-        self._supervisor.prepare(self._sent[max(-1 - delay, -len(self._sent))])
+        self._supervisor.prepare(self._sent.last(1 + delay)[0])
 
     def read_ahead(self) -> None:
         """Just before the next tick: read the frames that have arrived."""
@@ -293,8 +273,8 @@ class ControlStep:
         self.last = replace(self.last, mode=Mode.SAFE_STOP, control=control)
         self._send(self._outbox, self._clock.now_ns())
 
-    def _update_history(self, tick: Tick, applied: ControlInput | None, last: Tick) -> None:
-        """Pass the new state to the planner, with the input that was applied until now.
+    def _observe(self, tick: Tick, applied: ControlInput | None, last: Tick) -> VehicleState | None:
+        """x_0 of eq. (14): the accepted state, filtered with the input that was applied until now.
 
         The history goes on only if no state is missing and the car applied our commands. While none
         is measured it goes on with estimates, for a stop; the next measured state restarts it.
@@ -303,14 +283,13 @@ class ControlStep:
         self._is_history_estimated = tick.is_driven and not estimate.is_measured
         if self._is_history_estimated and estimate.state is not None:
             acted = last.control if applied is None else applied
-            self._planner.observe_estimate(estimate.state, acted)
-            return
+            return self._planner.observe_estimate(estimate.state, acted)
         if tick.state is None or estimate.state is None:
             self._planner.forget()
-            return
+            return None
         is_driven = tick.is_driven and not tick.is_vehicle_braking
         is_known = applied is not None and not was_estimated
-        self._planner.observe(
+        return self._planner.observe(
             estimate.state,
             NEUTRAL_INPUT if applied is None else applied,
             is_driven=is_driven,

@@ -24,9 +24,9 @@ from rt_controller.bus.messages import (
 )
 from rt_controller.bus.receive import Inbox, Received
 from rt_controller.bus.send import Outbox
+from rt_controller.contract.braking import stop_speed_mps
 from rt_controller.contract.errors import BusError
 from rt_controller.contract.faults import NO_REFUSAL
-from rt_controller.contract.limits import stop_speed_mps
 from rt_controller.contract.signals import NEUTRAL_INPUT, Mode
 from rt_controller.contract.timing import (
     IDENT_PERIOD_TICKS,
@@ -131,7 +131,6 @@ class Bridge:
         car: Car,
         scenario: Scenario,
         recorder: Recorder | None = None,
-        is_fd: bool = False,
         delay: Delay = DEFAULT_DELAY,
         has_checks: bool = True,
     ) -> None:
@@ -142,20 +141,19 @@ class Bridge:
             car: at the start.
             scenario: that it drives.
             recorder: of frames; None: they are not recorded.
-            is_fd: the bus has frames of CAN FD.
             delay: from a state to the effect of the command that answers it.
             has_checks: False: no envelope of commands, no check of the path and the actuators.
         """
         self._faulty = FaultyBus(bus, scenario.faults, recorder) if scenario.faults else None
         self._bus = self._faulty or bus
-        self._inbox = Inbox(Node.VEHICLE, recorder, is_fd=is_fd)
+        self._inbox = Inbox(Node.VEHICLE, recorder)
         sent = recorder if self._faulty is None else None  # else as the faults change it
-        self._outbox = Outbox(self._bus, Node.VEHICLE, sent, is_fd=is_fd)
+        self._outbox = Outbox(self._bus, Node.VEHICLE, sent)
         self._car = car
         self.scenario = scenario
         self._run = ScenarioRun(scenario, car.state, car.s_m)
         self._curvature = scenario.road.curvature_per_m
-        self._check = CommandCheck(is_fd, has_checks)
+        self._check = CommandCheck(has_checks)
         self._has_checks = has_checks
         self._watchdog = ActuatorWatchdog()
         self._actuators = FailedActuators()
@@ -250,7 +248,7 @@ class Bridge:
         if self.is_waiting:
             peer = self._inbox.newest(CONTROLLER_IDENTITY)
             if peer is not None:
-                require_same_catalogue(peer.content, self._inbox.is_fd)
+                require_same_catalogue(peer.content)
         motion = STANDING if self.is_waiting else self._run.motion
         self._check.take(self._inbox, now_ns, self._sent_ticks - 1, motion)
         self._inbox.end_period(now_ns)
@@ -373,7 +371,7 @@ class Bridge:
         if counter % MISSION_PERIOD_TICKS == 0:
             send(MISSION, Mission(run.end_ticks == 0, False, MISSION_ID, MISSION_VALID_NS), now_ns)
         if counter % IDENT_PERIOD_TICKS == 0:
-            send(VEHICLE_IDENTITY, own_identity(None, self._outbox.is_fd), now_ns)
+            send(VEHICLE_IDENTITY, own_identity(None), now_ns)
         if self._faulty is not None:
             self._faulty.end_sending()
         self._sent_ticks += 1

@@ -6,13 +6,13 @@ from enum import Enum
 from rt_controller.bus.identity import PeerCatalogue, is_heartbeat_of
 from rt_controller.bus.messages import COMMAND, CONTROLLER_IDENTITY, HEARTBEAT, Command
 from rt_controller.bus.receive import Inbox, Received
-from rt_controller.contract.faults import NO_REFUSAL, Refusal
-from rt_controller.contract.limits import (
+from rt_controller.contract.braking import (
     BRAKE_RATE_N_PER_S,
     FULL_BRAKE_N,
     FULL_BRAKE_RATE_N_PER_S,
     MOST_BRAKE_N,
 )
+from rt_controller.contract.faults import NO_REFUSAL, Refusal
 from rt_controller.contract.signals import NEUTRAL_INPUT, ControlInput, Mode
 from rt_controller.contract.timing import (
     COMMAND_TIMEOUT_NS,
@@ -54,8 +54,8 @@ FAILED_TICKS = COMMAND_TIMEOUT_TICKS
 class CommandCheck:
     """Takes the newest command in each tick, if it may be followed; it never raises."""
 
-    def __init__(self, is_fd: bool, has_envelope: bool = True) -> None:
-        """`is_fd`: of the bus; `has_envelope`: commands outside of the envelope are refused."""
+    def __init__(self, has_envelope: bool = True) -> None:
+        """`has_envelope`: commands outside of the envelope are refused."""
         self._has_envelope = has_envelope
         self.accepted: Received[Command] | None = None
         """the newest command that may be followed; its counter is that of the state it answers"""
@@ -66,7 +66,7 @@ class CommandCheck:
         self._newest: Received[Command] | None = None
         self._periods = 0
         """since the last accepted command"""
-        self._catalogue = PeerCatalogue(is_fd)
+        self._catalogue = PeerCatalogue()
         self._foreign_frames = self._foreign_ticks = 0
 
     def take(self, inbox: Inbox, now_ns: int, state_counter: int, motion: OwnMotion) -> None:

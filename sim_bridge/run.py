@@ -10,7 +10,6 @@ from rich.console import Console
 from rt_controller.bus.log.recorder import (
     Recorder,
     log_to_json,
-    open_recorder,
     require_recordable,
 )
 from rt_controller.bus.transport import require_interface
@@ -29,7 +28,6 @@ from rt_controller.settings import VIRTUAL
 from rt_controller.terminal.command_line import print_error
 from rt_controller.terminal.progress import SETTLING, Line, announce, show, watch
 from rt_controller.terminal.stop_signals import stop_on_signals
-from rt_controller.terminal.streams import lost_output
 from rt_controller.vehicle.braking_cause import BrakingCause
 from rt_controller.vehicle.vehicle_envelope import FARTHEST_DRIVEN_M, FARTHEST_OFF_PATH_M
 from sim_bridge.bridge import Bridge, BridgeSummary
@@ -66,9 +64,16 @@ def run_at_terminal(options: "BridgeOptions") -> int:
         with ExitStack() as opened:
             # First: the threads that a bus or a log starts inherit the settings of the process.
             opened.enter_context(real_time_process(options.priority))
-            recorder = open_recorder(options.record, options.channel, replaces=options.overwrite)
-            if recorder is not None:
-                opened.callback(recorder.close)
+            recorder = None
+            if options.record is not None:
+                recorder = opened.enter_context(
+                    Recorder(
+                        options.record,
+                        options.channel,
+                        is_lockstep=False,
+                        replaces=options.overwrite,
+                    )
+                )
             with announce(SETTLING, options.quiet):
                 session = open_session(
                     options,
@@ -98,7 +103,6 @@ def run_at_terminal(options: "BridgeOptions") -> int:
             **asdict(summary),
             **figures_to_json(figures),
             **log_to_json(recorder),
-            "lost_output": lost_output(),
         }
         failures = [] if recorder is None else [recorder.explain_failure()]
         try:

@@ -80,8 +80,8 @@ def training_note(scenario: Scenario, model: Bundle) -> str | None:
     if validity is None or trained is None:
         return None
     drive = drive_nominally(scenario)
-    turn, wheel_rad = _steady_turn(scenario, drive, model.geometry or DEFAULT_GEOMETRY)
-    lateral = turn * drive.speed_mps**2
+    wheel_rad = _steady_wheel_rad(drive, model.geometry or DEFAULT_GEOMETRY)
+    lateral = drive.turn_per_m * drive.speed_mps**2
     road = scenario.road.curvature_per_m(drive.s_m)
     times = np.arange(drive.time_s[0], drive.time_s[-1], 0.5 * SHORT_EXCESS_S)
     at = np.minimum(np.searchsorted(drive.time_s, times), len(drive.s_m) - 1)
@@ -92,10 +92,7 @@ def training_note(scenario: Scenario, model: Bundle) -> str | None:
         for before, excess, row in zip([None, *found], found, motion, strict=False)
         if excess is not None and before is not None
     ]
-    parts = []
-    if lasting:
-        worst, speed_mps = max(lasting)
-        parts.append(worst.named(speed_mps))
+    parts = [worst.named(speed_mps) for worst, speed_mps in sorted(lasting)[-1:]]
     ground = scenario.road
     values = (
         np.concatenate([ground.friction_left(drive.s_m), ground.friction_right(drive.s_m)]),
@@ -113,14 +110,10 @@ def training_note(scenario: Scenario, model: Bundle) -> str | None:
     return f"scenario {scenario.name!r} leaves what the model was trained with: {'; '.join(parts)}"
 
 
-def _steady_turn(
-    scenario: Scenario, drive: NominalDrive, geometry: SteeringGeometry
-) -> tuple[Array, Array]:
-    """Curvature of the wanted path, and magnitude of the steering wheel in a steady turn on it."""
-    bend = np.gradient(np.gradient(drive.ey_m, drive.s_m), drive.s_m)
-    turn = bend + scenario.road.curvature_per_m(drive.s_m)
+def _steady_wheel_rad(drive: NominalDrive, geometry: SteeringGeometry) -> Array:
+    """Magnitude of the steering wheel in a steady turn on the wanted path."""
     per_turn = geometry.wheelbase_m + UNDERSTEER_RAD_PER_MPS2 * drive.speed_mps**2
-    return turn, geometry.steering_ratio * np.abs(turn) * per_turn
+    return geometry.steering_ratio * np.abs(drive.turn_per_m) * per_turn
 
 
 def steering_note(
@@ -140,7 +133,7 @@ def steering_note(
         most_plan_rad: largest angle that the model was trained with.
     """
     drive = drive_nominally(scenario)
-    turn, wheel_rad = _steady_turn(scenario, drive, geometry)
+    wheel_rad = _steady_wheel_rad(drive, geometry)
     is_slow = drive.speed_mps < LOW_SPEED_MPS
     by_speed = [geometry.largest_wheel_rad(v, PLAN_TURN_MPS2) for v in drive.speed_mps.tolist()]
     limit_rad = np.where(is_slow, geometry.lock_rad, np.minimum(by_speed, most_plan_rad))
@@ -159,7 +152,7 @@ def steering_note(
     return (
         f"scenario {scenario.name!r}: a steady state needs about "
         f"{degrees(wheel_rad[i]):.0f} deg at the steering wheel at s = {drive.s_m[i]:.0f} m "
-        f"(radius {1.0 / abs(turn[i]):.0f} m, "
+        f"(radius {1.0 / abs(drive.turn_per_m[i]):.0f} m, "
         f"{KMH_PER_MPS * drive.speed_mps[i]:.0f} km/h); the controller is limited to "
         f"{degrees(limit_rad[i]):.0f} deg{above}, so the car cannot follow the path there"
     )

@@ -93,7 +93,9 @@ class ScenarioRun:
         self.ticks += 1
         self.time_s = self.ticks * PERIOD_S
         speed_mps, scenario = state.vx_mps, self.scenario
-        self._progress = next_progress(self._progress, scenario.stops, s_m, speed_mps, self.time_s)
+        self._progress = next_progress(
+            self._progress, scenario.all_stops, s_m, speed_mps, self.time_s
+        )
         self.path = scenario.path_ahead(s_m, speed_mps, self.time_s, self._progress)
         self._place(state, s_m)
         if not self._is_mission_on(mode, is_braking):
@@ -110,7 +112,7 @@ class ScenarioRun:
     def figures(self) -> tuple[CarFigure, ...]:
         """The figures that the scenario names or limits, so far."""
         scenario = self.scenario
-        found = measure(self._log, scenario.stops, scenario.course, scenario.road.width_m)
+        found = measure(self._log, scenario.all_stops, scenario.course, scenario.road.width_m)
         return judged(found, scenario.metrics, scenario.limits)
 
     def ey_error_rms_and_peak_m(self) -> tuple[float, float]:

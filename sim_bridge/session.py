@@ -17,6 +17,7 @@ from rt_controller.settings import BusSettings, CarSettings
 from sim_bridge.adapters.plants import open_plant
 from sim_bridge.bridge import DEFAULT_DELAY, Bridge, Delay
 from sim_bridge.car import Car
+from sim_bridge.plant.parts import Payload
 from sim_bridge.plant.protocol import Plant, require_plant
 from sim_bridge.scenario import Scenario, load_scenario
 from sim_bridge.scenario.loading import add_faults
@@ -137,7 +138,8 @@ def build_car(scenario: Scenario, choice: CarSettings | Plant = OWN_CAR) -> Car:
     if isinstance(plant, CarSettings):
         friction = scenario.road.friction_left.at(start.s_m)
         ground = scenario.road_at(start.s_m, 0.0)
-        plant = open_plant(plant, friction, scenario.payload, ground)
+        payload = Payload(*(value for _, value in scenario.payload))
+        plant = open_plant(plant, friction, payload, ground)
     else:
         require_plant(plant)
     with ExitStack() as opened:
@@ -183,26 +185,23 @@ def open_session(
         manoeuvre = manoeuvre.with_friction(plant.friction, plant.friction_right)
     if faults is not None:
         manoeuvre = add_faults(manoeuvre, faults)
-    if bus_settings.fd and manoeuvre.faults:
-        raise ConfigError(
-            "faults: expected a drive without --fd, since faults name the frames of classic CAN, "
-            "found one with it. Leave out --fd or the faults."
-        )
     car = build_car(manoeuvre, plant)
     with ExitStack() as opened:
         opened.callback(car.plant.close)
-        bus = bus_settings.open_bus()
-        if signals is not None:
+        if signals is None:
+            bus = bus_settings.open_bus()
+        else:
             from rt_controller.mapping.car_file import read_car
             from sim_bridge.foreign_bus import ForeignBus, require_same_road
 
-            opened.callback(close_bus, bus)
             foreign = read_car(signals)
             require_same_road(foreign, manoeuvre)
-            bus = ForeignBus(bus, foreign, lambda: car.s_m)
+            below = bus_settings.open_bus(foreign.database.is_fd)
+            opened.callback(close_bus, below)
+            bus = ForeignBus(below, foreign, lambda: car.s_m)
         opened.pop_all()
     delay = DEFAULT_DELAY
     if isinstance(plant, CarSettings):
         delay = Delay(plant.transport_delay, plant.actuation_delay)
-    bridge = Bridge(bus, car, manoeuvre, recorder, bus_settings.fd, delay, has_checks)
+    bridge = Bridge(bus, car, manoeuvre, recorder, delay, has_checks)
     return BridgeSession(bus, bridge)

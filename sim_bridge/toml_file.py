@@ -2,14 +2,13 @@
 
 from importlib import resources
 from pathlib import Path
-from typing import Annotated, Any, TypeVar
+from typing import Annotated, Any
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
 from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.names import hint
 
-Entry = TypeVar("Entry")
 Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 
 
@@ -19,24 +18,16 @@ class FileTable(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
 
-def not_empty(entries: tuple[Entry, ...]) -> tuple[Entry, ...]:
-    """The entries; pydantic's own limit would also count entries that it refused.
+def entries(least: int, most: int = 10_000) -> BeforeValidator:
+    """Refuse a list of fewer or more entries, before any is read.
 
-    Raises:
-        ValueError: there are none.
+    pydantic's own limits read all of them, and count those only that it does not refuse.
     """
-    if not entries:
-        raise ValueError("expected at least one entry, found none")
-    return entries
 
-
-def at_most(most: int) -> BeforeValidator:
-    """Refuse a list of more entries, before any is read: pydantic's own limit reads all of them."""
-
-    def check(entries: Any) -> Any:
-        if isinstance(entries, list) and len(entries) > most:
-            raise ValueError(f"expected at most {most} entries, found {len(entries)}")
-        return entries
+    def check(found: Any) -> Any:
+        if isinstance(found, list | tuple) and not least <= len(found) <= most:
+            raise ValueError(f"expected {least} to {most} entries, found {len(found)}")
+        return found
 
     return BeforeValidator(check)
 
@@ -66,12 +57,21 @@ def read_shipped_or_own(name_or_path: str | Path, folder: str, kind: str) -> str
             f"{kind} {name!r}: expected one of {', '.join(shipped)} or the path of a "
             f".toml file{hint(name, shipped)}."
         )
+    return read_own(name, kind)
+
+
+def read_own(path: str | Path, kind: str) -> str:
+    """The text of a person's file; `kind` is for messages.
+
+    Raises:
+        ConfigError: it cannot be read.
+    """
     from rt_controller.contract.files import read_text  # numpy, which --help does without
 
     try:
-        return read_text(Path(name))
+        return read_text(Path(path))
     except (OSError, UnicodeDecodeError) as error:
         raise ConfigError(
-            f"{name}: expected a {kind} file in UTF-8 that can be read, found an error: {error}. "
+            f"{path}: expected a {kind} file in UTF-8 that can be read, found an error: {error}. "
             f"Correct the file, or name another one."
         ) from error

@@ -1,19 +1,16 @@
-"""Write the cycle times that follow from the control period into both message catalogues.
+"""Write the cycle times that follow from the control period into the message catalogue.
 
 Run `python tools/cycle_times.py` after a change of `PERIOD_NS`.
 """
 
 import re
 
-from rt_controller.bus.dbc import DBC_PATH, FD_DBC_PATH
+from rt_controller.bus.dbc import DBC_PATH
 from rt_controller.bus.messages import CATALOGUE
 
 
 def with_cycle_times(dbc: str) -> str:
-    """The text of a DBC with the GenMsgCycleTime of every message of the catalogue.
-
-    A frame of CAN FD has the identifier of the first classic frame of its message.
-    """
+    """The text of a DBC with the GenMsgCycleTime of every message of the catalogue."""
     for message in CATALOGUE.messages:
         for codec in message.codecs:
             attribute = f'BA_ "GenMsgCycleTime" BO_ {codec.arbitration_id} '
@@ -22,5 +19,5 @@ def with_cycle_times(dbc: str) -> str:
 
 
 if __name__ == "__main__":
-    for path in (DBC_PATH, FD_DBC_PATH):
-        path.write_text(with_cycle_times(path.read_text(encoding="ascii")), encoding="ascii")
+    text = DBC_PATH.read_text(encoding="ascii")
+    DBC_PATH.write_text(with_cycle_times(text), encoding="ascii")

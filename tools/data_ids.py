@@ -119,11 +119,11 @@ def new_lines(paths: Sequence[Path]) -> list[str]:
     Files that do not define the attribute E2EDataIdList count as other tools' and are left out.
 
     Raises:
-        ConfigError: a file is not a DBC, or a data id breaks a rule.
+        ConfigError: a data id breaks a rule.
     """
     known, missing = {}, []
     for path in paths:
-        database = read_dbc(path, _ENCODING, "a DBC file", "Correct the file, or name another.")
+        database = read_dbc(path, _ENCODING)
         if database.dbc is None or DATA_IDS_ATTRIBUTE not in database.dbc.attribute_definitions:
             continue
         for message in database.messages:

@@ -4,7 +4,8 @@ A table stands between `<!-- figures: NAME -->` and `<!-- end -->`.
 """
 
 import re
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Mapping
+from operator import call
 from pathlib import Path
 from typing import Annotated
 
@@ -14,15 +15,14 @@ from rich.console import Console
 from benchmarks.figures import closed_loop
 from benchmarks.figures.results import SOURCES, Part, Results, read_import
 from benchmarks.figures.tables import blocks
+from offline.campaign import THIS_MACHINE, Backend, run_campaign
 from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.figures import require_writable, write_figures
 from rt_controller.model.artifact import SHIPPED_MODEL
 from rt_controller.terminal.command_line import run_command
 
-PIECES: dict[str, Callable[[], Iterable[Part]]] = {
-    "closed_loop": closed_loop.parts,
-}
-"""what is measured here; the pieces of `SOURCES` are imported"""
+MEASURED = "closed_loop"
+"""the piece that is measured here; those of `SOURCES` are imported"""
 ROOT = Path(__file__).parents[2]
 EXIT_DIFFERENT = 1
 SEVERAL = cyclopts.Parameter(consume_multiple=True, negative="")
@@ -33,12 +33,12 @@ app = cyclopts.App(name="python -m benchmarks.figures", version_flags=[])
 @app.default
 def main(
     *,
-    only: Annotated[tuple[str, ...], SEVERAL] = (),
     imports: Annotated[tuple[Path, ...], SEVERAL, cyclopts.Parameter(name="--import")] = (),
     again: Annotated[bool, cyclopts.Parameter(negative="")] = False,
     tables: Annotated[bool, cyclopts.Parameter(negative="")] = False,
     check: Annotated[bool, cyclopts.Parameter(negative="")] = False,
     root: Annotated[Path, cyclopts.Parameter(show=False)] = ROOT,
+    backend: Backend = THIS_MACHINE,
     json: Annotated[Path | None, cyclopts.Parameter(name="--json")] = None,
 ) -> int:
     """Measure what is missing in docs/figures.json, and write the tables of README.md and docs.
@@ -48,46 +48,41 @@ def main(
     car, use --again.
 
     Args:
-        only: pieces to measure.
-        imports: JSON files of offline-evaluate, sim-bridge fault-matrix and
+        imports: JSON files of offline-evaluate, benchmarks.fault_matrix and
             benchmarks.false_alarms, of the shipped models.
-        again: forget what the file has of these pieces, then measure.
+        again: forget the drives that the file has, then measure.
         tables: measure nothing, write the tables only.
         check: measure and write nothing; exit code 1 if a table is not that of the file, or the
             file is not of the shipped models.
         json: also write the results there.
     """
     require_writable(json)
-    unknown = set(only) - set(PIECES)
-    if unknown:
-        raise ConfigError(
-            f"--only: expected {', '.join(PIECES)}, found {', '.join(sorted(unknown))}."
-        )
     console = Console(stderr=True)
     results = Results(root / "docs" / "figures.json")
     for file in () if check else imports:
         piece, part = read_import(file)
         results.put(piece, part, part.measure())
     if not (tables or check):
-        for piece in only or PIECES:
-            _measure(results, piece, again, console)
+        _measure(results, again, backend, console)
     write_figures(json, results.found)
     return _update_documents(root, results, check, console)
 
 
-def _measure(results: Results, piece: str, again: bool, console: Console) -> None:
-    parts = list(PIECES[piece]())
+def _measure(results: Results, again: bool, backend: Backend, console: Console) -> None:
+    parts = list(closed_loop.parts())
     if again:
-        results.keep(piece, ())  # when interrupted, the command without --again goes on
-    missing = results.missing(piece, parts)
-    for number, part in enumerate(missing, 1):
-        console.print(f"{piece} {number}/{len(missing)}: {part.name}", highlight=False)
-        results.put(piece, part, part.measure())
-    results.keep(piece, [part.name for part in parts])
+        results.keep(MEASURED, ())  # when interrupted, the command without --again goes on
+    missing = {part.name: part for part in results.missing(MEASURED, parts)}
+    tasks = [(name, (part.measure,)) for name, part in missing.items()]
+    found = run_campaign(call, tasks, backend)  # the results file keeps them
+    for number, (name, figures) in enumerate(found, 1):
+        console.print(f"{number}/{len(missing)}: {name}", highlight=False)
+        results.put(MEASURED, missing[name], figures)
+    results.keep(MEASURED, [part.name for part in parts])
 
 
 def _update_documents(root: Path, results: Results, check: bool, console: Console) -> int:
-    pieces = {name: list(parts()) for name, parts in PIECES.items()}
+    pieces = {MEASURED: list(closed_loop.parts())}
     pieces |= {name: [Part("all", (SHIPPED_MODEL,), dict)] for name in SOURCES}
     outdated = [name for name in results.found if results.missing(name, pieces.get(name, []))]
     complete = results.found.keys() - set(outdated)

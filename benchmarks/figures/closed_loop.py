@@ -18,12 +18,12 @@ from benchmarks.conditions import sensor_noise
 from benchmarks.figures.results import Figures, Part
 from rt_controller import Drive, simulate
 from sim_bridge.faults.fault import Fault
-from sim_bridge.plant.parts import Payload
 from sim_bridge.scenario import Scenario, load_scenario
+from sim_bridge.scenario.scenario import Load
 
 ROOT = Path(__file__).parents[2]
 MODELS = ("mdk-net", "mdk-net-paper", "lti")
-RIVALS = ("bicycle-mpc", "bicycle-nmpc", "stanley")
+RIVALS = ("bicycle-mpc", "stanley")
 _TRUE = ("ey_rms_m", "ey_peak_m", "epsi_peak_rad", "speed_rms_mps", "speed_peak_mps")
 """figures that are measured at the car, not on the bus"""
 _OF_STOP = ("stop_error_m", "creep_m", "hold_steer_rad")
@@ -141,20 +141,12 @@ def _drive_with_rival(name: str, scenario: Scenario, plant: str) -> Drive:
 
 _MOVING = tuple(row.name for row in ROWS if not row.has_stop)
 """where the law of low speeds, which all controllers share, does not decide"""
-_AT_LIMITS = (
-    "lane change, 60 km/h",
-    "lane change over 38 m, 80 km/h",
-    "sine, 60 km/h",
-    _FAST_SINE,
-    "lane change, 80 km/h, friction 0.6, mass +20 %",
-)
 """where the solution of a nonlinear program may differ from its first linearisation"""
 CONTROLLERS = {
     **{model: Controller(partial(_drive_with_model, model), (model,)) for model in MODELS},
     "linear_model.py": Controller(_drive_with_example, rows=("lane change, 80 km/h",)),
     **{name: Controller(partial(_drive_with_rival, name), rows=_MOVING) for name in RIVALS},
 }
-CONTROLLERS["bicycle-nmpc"] = CONTROLLERS["bicycle-nmpc"]._replace(rows=_AT_LIMITS)
 
 
 def parts() -> Iterator[Part]:
@@ -217,7 +209,7 @@ def scenario_of(row: Row) -> Scenario:
         road = scenario.road.model_copy(update={"curvature_per_m": mirrored})
         scenario = replace(scenario, road=road)
     if "mass_kg" in conditions:
-        scenario = replace(scenario, payload=Payload(mass_kg=conditions["mass_kg"]))
+        scenario = replace(scenario, payload=Load.model_construct(mass_kg=conditions["mass_kg"]))
     if "deceleration_mps2" in conditions:
         (stop,) = scenario.stops
         stops = (stop.model_copy(update={"deceleration_mps2": conditions["deceleration_mps2"]}),)

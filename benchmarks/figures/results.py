@@ -6,11 +6,11 @@ from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from benchmarks.fault_matrix.summary import MatrixSummary, lines_of
 from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.figures import write_figures
 from rt_controller.model.artifact import SHIPPED_MODEL, shipped_model
 from rt_controller.model.bundle import Bundle
-from sim_bridge.faults.matrix.summary import MatrixSummary, lines_of
 
 Figures = dict[str, Any]
 """numbers by name; each name ends in its unit"""
@@ -81,9 +81,6 @@ Found = Mapping[str, Any]
 
 def _evaluation(found: Found) -> Figures:
     library = found["sets"]["library"]
-    slices = [part for series in found["series"].values() for part in series["slices"]]
-    bends = {"bends-left", "bends-right"} & found["sets"].keys()
-    slices += [{"set": each, "label": "", **found["sets"][each]} for each in sorted(bends)]
     return {
         "mse": {
             name: {state: x["value"] for state, x in model["mse"].items()}
@@ -93,14 +90,14 @@ def _evaluation(found: Found) -> Figures:
             name: _ratios(ratios)
             for name, ratios in library["baseline_mse_over_model_mse"][SHIPPED_MODEL].items()
         },
-        "mse_slices": {
-            ", ".join(filter(None, (part["set"], part["label"]))): {
-                "number": part["n_trajectories"],
+        "mse_sets": {
+            name: {
+                "number": test["n_trajectories"],
                 "best linear": best,
-                **_ratios(part["baseline_mse_over_model_mse"][SHIPPED_MODEL][best]),
+                **_ratios(test["baseline_mse_over_model_mse"][SHIPPED_MODEL][best]),
             }
-            for part in slices
-            if (best := part["best_baseline"].get("linear"))
+            for name, test in found["sets"].items()
+            if (best := test["best_baseline"].get("linear"))
         },
     }
 

@@ -6,6 +6,7 @@ from functools import partial
 from math import nan
 from typing import Any
 
+from benchmarks.figures import scenario_fields as fields
 from benchmarks.figures.closed_loop import CONTROLLERS, MODELS, RIVALS, ROWS, Row, part_name
 from benchmarks.figures.results import Figures, Pieces
 from rt_controller.report.table import Column, Table, format_number, to_markdown
@@ -94,7 +95,7 @@ TABLES: dict[str, tuple[str, Callable[[Figures], str]]] = {
         [name for name in CONTROLLERS if name not in RIVALS],
     ),
     "rivals_short": _drives(
-        "{ey_rms_m:.3f}", _rows(lambda row: _OF_README.match(row.name)), ("mdk-net", *RIVALS[::2])
+        "{ey_rms_m:.3f}", _rows(lambda row: _OF_README.match(row.name)), ("mdk-net", *RIVALS)
     ),
     "rivals": _drives(
         "{ey_rms_m:.3f}, {wheel_rate_rms_degps:.0f}",
@@ -104,7 +105,7 @@ TABLES: dict[str, tuple[str, Callable[[Figures], str]]] = {
     "rivals_speed": _drives(
         "{speed_rms_mps:.2f}, {speed_peak_mps:.2f}",
         _rows(lambda row: row.changes_speed),
-        ("mdk-net", *RIVALS[::2]),
+        ("mdk-net", *RIVALS),
     ),
     "lateral_error": _drives("{ey_rms_m:.3f}, {ey_peak_m:.3f}", _rows(lambda row: True)),
     "speed_and_wheel": _drives(
@@ -118,7 +119,7 @@ TABLES: dict[str, tuple[str, Callable[[Figures], str]]] = {
         for piece, name, head in (
             ("evaluation", "mse", "model"),
             ("evaluation", "mse_ratios", "baseline"),
-            ("evaluation", "mse_slices", "trajectories"),
+            ("evaluation", "mse_sets", "test set"),
             ("fault_matrix", "fault_matrix", ""),
             ("false_alarms", "false_alarms", ""),
             ("false_alarms", "alarm_margins", "check"),
@@ -132,6 +133,11 @@ def blocks(pieces: Pieces, complete: Iterable[str]) -> dict[str, str | None]:
     """The text of every table; None: its piece has not been measured as a whole."""
     known = set(complete)
     return {
+        "scenario_fields": _markdown(
+            ("field", "limits", "default", "meaning"), fields.field_rows()
+        ),
+        "scenario_kinds": _markdown(("kind", "fields"), fields.kind_rows()),
+    } | {
         name: make(pieces[piece].get("all", pieces[piece])) if piece in known else None
         for name, (piece, make) in TABLES.items()
     }

@@ -7,9 +7,9 @@ from typing import Literal, NamedTuple
 
 from rt_controller.config import ControllerConfig, MpcSettings
 from rt_controller.contract.arrays import Array
+from rt_controller.control.eq14 import Corridor
 from rt_controller.control.mpc import Mpc
 from rt_controller.control.program import QuadraticProgram, SolveStatus
-from rt_controller.control.terms import Corridor
 from rt_controller.control.warm_start import open_solver
 from rt_controller.model.artifact import load_bundle, shipped_model
 from rt_controller.node import plan_at_constant_speed

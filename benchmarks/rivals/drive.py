@@ -15,9 +15,9 @@ from rt_controller.settings import CarSettings
 from rt_controller.simulation import drive_in_lockstep
 from sim_bridge.scenario import Scenario
 
-STANLEY, LTV, NONLINEAR = "stanley", "bicycle-mpc", "bicycle-nmpc"
-TUNED = {STANLEY: "stanley.json", LTV: "bicycle-mpc.json", NONLINEAR: "bicycle-mpc.json"}
-"""results of `python -m benchmarks.tuning`; both MPCs have one cost"""
+STANLEY, LTV = "stanley", "bicycle-mpc"
+TUNED = (STANLEY, LTV)
+"""rivals with a result of `python -m benchmarks.tuning`, in a file of their name"""
 Values = Mapping[str, float]
 
 
@@ -29,8 +29,8 @@ def settings_of(values: Values) -> MpcSettings:
 
 
 def tuned_values(name: str) -> dict[str, float]:
-    """What the search found for a rival."""
-    text = Path(__file__).with_name(TUNED[name]).read_text(encoding="utf-8")
+    """What `python -m benchmarks.tuning` found for a rival."""
+    text = Path(__file__).with_name(f"{name}.json").read_text(encoding="utf-8")
     return cast("dict[str, float]", json.loads(text)["values"])
 
 
@@ -39,7 +39,7 @@ def build_rival(name: str, values: Values) -> Mpc:
     if name == STANLEY:
         return cast("Mpc", Stanley(Bicycle(1), Gains(**values)))
     settings = settings_of(values)
-    return BicycleMpc(Bicycle(settings.horizon), settings, name == NONLINEAR)
+    return BicycleMpc(Bicycle(settings.horizon), settings)
 
 
 def drive_with(mpc: Mpc, scenario: Scenario, plant: str = "own") -> Drive:

@@ -4,10 +4,10 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from pydantic import TypeAdapter
 
 from benchmarks.conditions import sensor_noise
 from sim_bridge.scenario import Scenario
-from sim_bridge.scenario.scenario import ScenarioFile
 
 METRICS = ("ey_rms_m", "speed_rms_mps")
 _NOISE_SEED = 11
@@ -18,7 +18,7 @@ def _scenario(
 ) -> Scenario:
     reference = {"speed_kmh": speed_kmh, "ey_m": ey_m}
     fields = {"format": 2, "name": name, "duration_s": duration_s, "metrics": METRICS, **others}
-    return ScenarioFile.model_validate({**fields, "reference": reference}).scenario()
+    return TypeAdapter(Scenario).validate_python({**fields, "reference": reference})
 
 
 def _move(length_m: float) -> dict[str, Any]:

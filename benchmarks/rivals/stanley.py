@@ -14,10 +14,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from benchmarks.rivals.bicycle import Bicycle
-from benchmarks.rivals.ltv_mpc import BicycleEstimator
+from benchmarks.rivals.ltv_mpc import bicycle_estimator
 from rt_controller.contract.limits import DEFAULT_GEOMETRY, INPUT_LIMITS
 from rt_controller.contract.signals import (
-    AT_REST,
     N_INPUTS,
     N_STATES,
     ControlInput,
@@ -28,10 +27,10 @@ from rt_controller.contract.signals import (
     VehicleState,
 )
 from rt_controller.contract.timing import HOLD_PLAN_TICKS, PERIOD_S
+from rt_controller.control.knots import place_knots
 from rt_controller.control.pedals import Pedal, PedalChoice, limit_pedals
 from rt_controller.control.program import SolveStatus
 from rt_controller.control.reference import ReferenceHorizon
-from rt_controller.control.terms import bound_inputs, place_knots
 
 _AHEAD = 12
 """periods over which the path is evaluated"""
@@ -69,10 +68,12 @@ class Stanley:
     def __init__(self, bicycle: Bicycle, gains: Gains) -> None:
         self._bicycle, self._gains = bicycle, gains
         self._reference = ReferenceHorizon(place_knots(_AHEAD, _AHEAD))
-        self._bounds = bound_inputs(place_knots(1, 1))
+        lower, upper = np.array(INPUT_LIMITS.lower), np.array(INPUT_LIMITS.upper)
+        self._scale = upper - lower
+        self._lower, self._upper = lower / self._scale, upper / self._scale
+        self._slew = np.array(INPUT_LIMITS.rate_per_s) * PERIOD_S / self._scale
         self._pedals = PedalChoice()
-        self._estimator = BicycleEstimator(bicycle, bicycle.bundle())
-        self._observed = self._estimate = AT_REST
+        self._estimator = bicycle_estimator(bicycle, bicycle.bundle())
         self._now, self._curvature_per_m = np.zeros(N_STATES), 0.0
         self._acting: ControlInput | None = None
         self._has_plan = False
@@ -90,8 +91,6 @@ class Stanley:
         under_way: Sequence[ControlInput] = (),
     ) -> SolveStatus:
         """As `Mpc.plan`."""
-        if state is self._observed:
-            state = self._estimate
         psi, kappa = np.array([state]), np.array([[curvature_per_m]])
         self._now, self._curvature_per_m = psi[0], curvature_per_m
         for u in under_way:
@@ -101,12 +100,11 @@ class Stanley:
         self._acting = under_way[0] if under_way else None
         wheel_rad = self._front_wheel_rad(after, reference) * DEFAULT_GEOMETRY.steering_ratio
         throttle, brake_n = self._pedals_of(state.vx_mps, path)
-        scale = self._bounds.scale[0]
-        wanted = np.array([throttle, brake_n, wheel_rad]) / scale
-        last, slew = np.array(previous) / scale, self._bounds.slew[0]
-        upper = self._bounds.upper.copy()
+        scale, slew = self._scale, self._slew
+        wanted, last = np.array([throttle, brake_n, wheel_rad]) / scale, np.array(previous) / scale
+        upper = self._upper[None].copy()
         limit_pedals(upper, np.ones(1, dtype=np.int64), self._pedals, last, slew)
-        wanted = np.clip(wanted, self._bounds.lower[0], upper[0])
+        wanted = np.clip(wanted, self._lower, upper[0])
         self.inputs[:] = np.clip(wanted, last - slew, last + slew) * scale
         self._has_plan = True
         return SolveStatus.SOLVED
@@ -156,10 +154,9 @@ class Stanley:
             self._estimator.advance(self._now, acting, self._curvature_per_m)
         self._has_plan = False
 
-    def observe(self, state: VehicleState, held: ControlInput) -> None:
+    def observe(self, state: VehicleState, held: ControlInput) -> VehicleState:
         """Filter `state` as `Mpc` does."""
-        self._observed = state
-        self._estimate = self._estimator.estimate(state, self._curvature_per_m)
+        return self._estimator.estimate(state, self._curvature_per_m)
 
     observe_estimate = observe
 
@@ -180,9 +177,9 @@ class Stanley:
 
     def limit_steering(self, most_rad: float, rate_radps: float) -> None:
         """Bound the wheel; no car of the comparison has a slow one."""
-        bounds, wheel = self._bounds, InputColumn.steer_rad
-        bounds.upper[0, wheel] = most_rad / bounds.scale[0, wheel]
-        bounds.lower[0, wheel] = -bounds.upper[0, wheel]
+        wheel = InputColumn.steer_rad
+        self._upper[wheel] = most_rad / self._scale[wheel]
+        self._lower[wheel] = -self._upper[wheel]
 
     def _do_nothing(self, *_: Any) -> None:
         """There is no plan and no solver, and the cars of the comparison follow its commands."""

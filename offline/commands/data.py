@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from offline.commands.options import THIS_MACHINE, DataFolder, JsonFile, require_ready
+from offline.campaign import THIS_MACHINE, Backend
+from offline.commands.options import DataFolder, JsonFile, require_ready
 from offline.commands.terminal import STDOUT
 from offline.config import PRESETS
 from offline.data.variation import RecipeName, Variation, choose_variation, describe
-from offline.experiments.backend import Backend
 from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.figures import write_figures
 from rt_controller.terminal.command_line import new_app, run_command

@@ -4,14 +4,13 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from offline.campaign import Backend
 from offline.commands.terminal import STDERR, progress_bar, stop_on_signals
 from offline.config import TrainingConfig, explicit_fields
 from offline.data.dataset import Dataset, cache_folder, exists, load_dataset
 from offline.data.generate import make_dataset, simulated_origin
 from offline.data.manifest import Imported, Origin, Simulated
 from offline.data.recipe import Recipe
-from offline.experiments.backend import Backend
-from offline.experiments.training_task import CampaignData, measure_linear_model
 from rt_controller.contract.errors import DatasetError
 
 
@@ -43,18 +42,14 @@ def find_or_make(
     if exists(folder):
         return folder, load_dataset(folder)
     STDERR.print(f"making a data set of {episodes} episodes in {folder}", soft_wrap=True)
-    with (
-        stop_on_signals() as is_stopped,
-        backend.active(),
-        progress_bar("simulating", episodes) as show,
-    ):
+    with stop_on_signals() as is_stopped, progress_bar("simulating", episodes) as show:
 
         def on_progress(done: int) -> None:
             show(done, "")
             if is_stopped():
                 raise KeyboardInterrupt
 
-        return folder, make_dataset(folder, origin, on_progress=on_progress)
+        return folder, make_dataset(folder, origin, backend=backend, on_progress=on_progress)
 
 
 def require_origin(
@@ -99,22 +94,3 @@ def config_of_data(
     asked = {**of_data, **{name: explicit[name] for name in of_data if name in explicit}}
     require_origin(folder, origin, asked["episodes"], asked["data_seed"], recipe)
     return config.model_copy(update=of_data)
-
-
-def open_campaign_data(
-    data: Path | None, config: TrainingConfig, chosen: TrainingConfig | None, backend: Backend
-) -> tuple[CampaignData, dict[str, Any]]:
-    """The data set of a comparison, and the fields of a configuration that follow.
-
-    It is that of `ensure_dataset`, and comes with the errors of the linear model on it.
-
-    Raises:
-        DatasetError: the named folder holds no data set, or another one than the options
-            explicitly chose.
-    """
-    folder, dataset = ensure_dataset(data, config, backend)
-    config = config_of_data(folder, dataset.origin, config, chosen)
-    with STDERR.status("fair linear model"):
-        shared = measure_linear_model(folder, dataset)
-    of_data = ("episodes", "data_seed", "largest_steer_deg")
-    return shared, {name: getattr(config, name) for name in of_data}

@@ -114,8 +114,8 @@ def write_page(path: Path, evaluation: Evaluation) -> None:
     from offline.data.manifest import Simulated
     from offline.evaluation.comparison import LTI_BASELINES
     from offline.evaluation.lane_change import drive_lane_change
+    from offline.evaluation.page import evaluation_page
     from offline.evaluation.predictor import predict_trajectories
-    from offline.evaluation.report import evaluation_page
     from rt_controller.contract.files import write_text
     from rt_controller.report.page import render_page
 
@@ -130,7 +130,7 @@ def write_page(path: Path, evaluation: Evaluation) -> None:
                 if name in shown
             }
             lane_change = driven, predicted
-        page = evaluation_page(evaluation.comparison, evaluation.bundles, lane_change)
+        page = evaluation_page(evaluation.comparison, [*evaluation.bundles.values()], lane_change)
         text = render_page(page)
     try:
         write_text(path, text)

@@ -10,14 +10,12 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from offline.config import TrainingConfig
-from offline.experiments.backend import Backend
 from rt_controller.contract.errors import require_packages
 from rt_controller.contract.figures import require_writable
 
 RUNS = Path("runs")
 LATEST_RUN = RUNS / "latest"
 OFFLINE_PACKAGES = ("torch", "onnx", "onnxscript", "joblib", "onnxruntime")
-THIS_MACHINE = Backend()
 
 Config = Annotated[
     TrainingConfig | None, Parameter(name="*", negative_none="no-", consume_multiple=True)
@@ -28,21 +26,6 @@ DataFolder = Annotated[
     Path | None,
     Parameter(help="folder of the data set; default: one in the cache, which is printed"),
 ]
-
-TRAINING_GROUPS = {
-    "Main options": "VARIANTS preset steps seed seeds only folder data resume runs init json",
-    "Data": "episodes data-seed windows rare-share near-roads mirror noise",
-    "Optimisation": "batch optimizer learning-rate matrix-rate operator-rate rate-schedule "
-    "patience evaluate-every gradient-clip best-rule",
-    "Loss": "objective horizon-start horizon-growth forgetting weight-single-step "
-    "weight-multi-step weight-stability weight-regularisation decay-encoder decay-operator "
-    "operator-prior stability through-last-step target-samples",
-    "Model": "activation hidden latents latents-start constant-observable lift-exogenous products "
-    "history-steps separate-motion bilinear-rank "
-    "saturating-gains drift-rank bilinear-follows",
-    "Machine and campaign": "threads device backend address jobs lists",
-}
-"""options of offline-train, and of offline-ablate, which trains many models, by group"""
 
 
 def require_ready(json_file: Path | None) -> None:

@@ -6,18 +6,10 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from offline.commands.options import (
-    RUNS,
-    THIS_MACHINE,
-    TRAINING_GROUPS,
-    Config,
-    DataFolder,
-    JsonFile,
-    require_ready,
-)
+from offline.campaign import THIS_MACHINE, Backend
+from offline.commands.options import RUNS, Config, DataFolder, JsonFile, require_ready
 from offline.commands.terminal import STDERR, STDOUT, progress_bar, stop_on_signals
 from offline.config import TrainingConfig, explicit_fields, resolve
-from offline.experiments.backend import Backend
 from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.figures import write_figures
 from rt_controller.terminal.command_line import new_app, run_command
@@ -29,13 +21,27 @@ if TYPE_CHECKING:
     from offline.training.state import TrainingState
     from rt_controller.model.bundle import Bundle
 
+GROUPS = {
+    "Main options": "preset steps seed data resume runs init json",
+    "Data": "episodes data-seed windows rare-share near-roads mirror noise",
+    "Optimisation": "batch optimizer learning-rate matrix-rate operator-rate rate-schedule "
+    "patience evaluate-every gradient-clip best-rule",
+    "Loss": "objective horizon-start horizon-growth forgetting weight-single-step "
+    "weight-multi-step weight-stability weight-regularisation decay-encoder decay-operator "
+    "operator-prior stability through-last-step target-samples",
+    "Model": "activation hidden latents latents-start constant-observable lift-exogenous products "
+    "history-steps separate-motion bilinear-rank "
+    "saturating-gains drift-rank bilinear-follows",
+    "Machine": "threads device backend address jobs",
+}
+"""options of the command by group"""
 REFRESH_S = 0.25
 RESUMABLE_SETTINGS = {"steps", "threads"}
 
 app = new_app(
     "offline-train",
     "Train a model; the defaults are those of the preset recommended.",
-    groups=TRAINING_GROUPS,
+    groups=GROUPS,
 )
 main = partial(run_command, app)
 

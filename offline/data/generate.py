@@ -11,17 +11,16 @@ Paper: section III-A, data acquisition.
 """
 
 import hashlib
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures.process import BrokenProcessPool
+from collections.abc import Callable
 from math import degrees, radians
 from pathlib import Path
 from tempfile import TemporaryFile
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple
 
-import joblib
 import numpy as np
 from numpy.typing import NDArray
 
+from offline.campaign import THIS_MACHINE, Backend, run_campaign
 from offline.config import PAST_STEPS, PRESETS, STEPS
 from offline.data.dataset import Dataset, cache_folder, save_dataset, split_episodes, writable
 from offline.data.manifest import Roads, Simulated
@@ -37,7 +36,7 @@ from offline.data.signals import VEHICLE_ROLES, Array32
 from offline.data.variation import VARIED, Variation
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.car import Car
-from rt_controller.contract.errors import DatasetError, RtControllerError
+from rt_controller.contract.errors import DatasetError
 from rt_controller.contract.limits import (
     INPUT_LIMITS,
     PLAN_TURN_MPS2,
@@ -55,8 +54,6 @@ MOST_REJECTED = 500
 """drives in a row under the same conditions"""
 EPISODE_STEPS = PAST_STEPS + SLICES * STEPS
 CHUNK_EPISODES = 20
-
-Result = TypeVar("Result")
 
 _ALL_CHANGING = {"nominal_share": 0.0, "changing_share": 1.0}
 
@@ -107,23 +104,19 @@ def generate(
     recipe: Recipe,
     episodes: int,
     seed: int,
-    jobs: int | None = -1,
+    backend: Backend = THIS_MACHINE,
     on_progress: Callable[[int], None] = lambda done: None,
 ) -> Generated:
-    """`episodes` episodes, in order, made by `jobs` processes (-1: one per core).
-
-    With `jobs` None, the active joblib backend determines the number and place of the workers.
-    `on_progress` is called with the number of episodes made so far.
-    """
+    """`episodes` episodes; `on_progress` is called with the number of those made so far."""
     seeds = np.random.SeedSequence(seed).spawn(episodes)
     firsts = range(0, episodes, CHUNK_EPISODES)
-    tasks = [(recipe, seeds[first : first + CHUNK_EPISODES]) for first in firsts]
-    made: dict[int, list[Episode]] = {}
+    tasks = [(str(k), (recipe, seeds[k : k + CHUNK_EPISODES])) for k in firsts]
+    made: list[Episode] = []
     on_progress(0)
-    for task, chunk in run_tasks(_make_chunk, tasks, jobs):
-        made[task] = chunk
-        on_progress(sum(map(len, made.values())))
-    return assemble([episode for _, chunk in sorted(made.items()) for episode in chunk])
+    for _, chunk in run_campaign(_make_chunk, tasks, backend, in_order=True):
+        made += chunk
+        on_progress(len(made))
+    return assemble(made)
 
 
 def make_episode(recipe: Recipe, seed: np.random.SeedSequence) -> Episode:
@@ -263,7 +256,7 @@ def make_dataset(
     folder: Path,
     origin: Simulated,
     part: NDArray[np.int8] | None = None,
-    jobs: int | None = None,
+    backend: Backend = THIS_MACHINE,
     on_progress: Callable[[int], None] = lambda done: None,
 ) -> Dataset:
     """A new data set of simulated episodes in that folder.
@@ -272,7 +265,7 @@ def make_dataset(
         folder: where it is written.
         origin: what it is made from.
         part: (E,) part of each episode, as in `Dataset`; None: drawn at random.
-        jobs: number of processes; None: the active joblib backend.
+        backend: where the episodes are made.
         on_progress: called with the number of episodes made so far.
 
     Raises:
@@ -283,7 +276,7 @@ def make_dataset(
         folder.mkdir(parents=True, exist_ok=True)
         with TemporaryFile(dir=folder):  # refused now, and not after the simulation
             pass
-    made = generate(recipe, episodes, seed, jobs, on_progress)
+    made = generate(recipe, episodes, seed, backend, on_progress)
     return save_dataset(
         folder,
         made.recording,
@@ -297,33 +290,3 @@ def make_dataset(
         conditions=() if made.recording.conditions is None else CONDITIONS,
         rejected=made.rejected,
     )
-
-
-class WorkersLostError(RtControllerError):
-    """A worker process died."""
-
-
-def run_tasks(
-    function: Callable[..., Result], tasks: Sequence[tuple[Any, ...]], jobs: int | None = None
-) -> Iterator[tuple[int, Result]]:
-    """Index of each task and the result of function(*task), in the order of completion.
-
-    Number and place of the workers follow from the active joblib backend if `jobs` is None.
-
-    Raises:
-        WorkersLostError: a worker process died.
-    """
-    parallel = joblib.Parallel(n_jobs=jobs, batch_size=1, return_as="generator_unordered")
-    # Arguments travel as one tuple: joblib would store large ones on a single Dask worker.
-    calls = (joblib.delayed(_run)(function, index, task) for index, task in enumerate(tasks))
-    try:
-        yield from parallel(calls)
-    except BrokenProcessPool as error:
-        raise WorkersLostError(
-            f"expected workers to finish {len(tasks)} tasks, found that one died ({error}). Look "
-            f"for lack of memory, and run the command again: what is finished is kept."
-        ) from error
-
-
-def _run(function: Callable[..., Result], index: int, task: tuple[Any, ...]) -> tuple[int, Result]:
-    return index, function(*task)

@@ -9,6 +9,7 @@ from hashlib import sha256
 
 import numpy as np
 
+from offline.campaign import Backend
 from offline.config import PAST_STEPS, STEPS
 from offline.data.dataset import Dataset, cache_folder, exists, load_dataset
 from offline.data.generate import (
@@ -134,7 +135,7 @@ def open_simulated_set(which: SimulatedSet) -> tuple[Dataset, TestSet]:
         dataset = load_dataset(folder)
     else:
         part = np.full(which.episodes, PARTS.index("test"), dtype=np.int8)
-        dataset = make_dataset(folder, origin, part, jobs=1)
+        dataset = make_dataset(folder, origin, part, Backend(jobs=1))
     description = f"{describe_source(origin)}, {which.conditions}"
     return dataset, cut_set(dataset, which.name, description, slices_of_test_part(dataset))
 

@@ -47,7 +47,7 @@ def headline(comparison: Comparison) -> str:
 
 
 def comparison_tables(comparison: Comparison) -> list[Table]:
-    """The tables in the order in which `offline-evaluate` prints them."""
+    """The tables in the order in which `offline-evaluate` prints them; the page has them too."""
     library = comparison.sets[0]
     tables = [mse_table(comparison, library), rms_table(comparison, library)]
     for model in comparison.models:

@@ -14,17 +14,11 @@ from offline.data.manifest import PARTS
 from offline.data.recording import Starts
 from offline.logs.episode import LEAST_SAMPLES, CutDrive
 from offline.logs.mapping import LogMapping
-from offline.logs.relations import (
-    Figures,
-    Issue,
-    find_relations,
-    find_unchecked,
-    time_shift_issues,
-    unit_issues,
-)
+from offline.logs.relations import Figures, Issue, compare_signals
 from offline.logs.series import LoggedDrive
 from rt_controller.contract.errors import DatasetError
 from rt_controller.contract.signals import Schema
+from rt_controller.mapping.relations import HELP
 from rt_controller.report.table import Column, Table, format_number
 
 _CONSTANT_SHARE = 1e-9
@@ -52,16 +46,13 @@ def inspect_drives(
     """
     constant = _find_constant(drives, mapping)
     episodes = [episode for cut in cuts for episode in cut.episodes]
-    ratios, lags = find_relations(episodes, mapping)
-    suspected = list(unit_issues(ratios))
-    if suspected and not mapping.checks.accept_units:
-        places = {series.name: series.place for series in drives[0].all_series}
-        listed = (
-            f"  {places.get(each.subject, each.subject)}: {each.message}.\n" for each in suspected
-        )
+    answers, suspected = compare_signals(episodes, mapping)
+    wrong_units = [each for each in suspected if each.check == "units"]
+    if wrong_units and not mapping.checks.accept_units:
+        listed = "".join(f"  {each.subject}: {each.message}.\n" for each in wrong_units)
         raise DatasetError(
             f"expected units and signs as in the mapping, found signals that contradict them:\n"
-            f"{''.join(listed)}If all are correct, write accept_units = true in [checks]."
+            f"{listed}{HELP}. If all are correct, write accept_units = true in [checks]."
         )
     files = [_file(drive, cut, mapping) for drive, cut in zip(drives, cuts, strict=True)]
     signals = pd.concat([episode.signals for episode in episodes])
@@ -73,7 +64,6 @@ def inspect_drives(
     issues = [
         *suspected,
         *_sampling_issues(files, drives, mapping),
-        *time_shift_issues(lags),
         *(Issue("constant", name, "constant, as the mapping allows") for name in constant),
     ]
     counts = np.bincount(part[slices.episode], minlength=len(PARTS)).tolist()
@@ -96,10 +86,8 @@ def inspect_drives(
             for episode, k in zip(episodes, part, strict=True)
         ],
         "ranges": ranges.to_dict("records"),
-        "time_shifts": lags,
-        "proportions": ratios,
+        "relations": answers,
         "constant": constant,
-        "unchecked": find_unchecked(mapping, ratios, ranges.to_dict("records")),
         "issues": [issue._asdict() for issue in issues],
     }
 
@@ -133,16 +121,12 @@ def _table(
 def summary(figures: Figures) -> str:
     """One sentence on episodes and windows, and one on what was not checked."""
     windows = ", ".join(f"{n} {part}" for part, n in figures["n_slices"].items())
-    made = (
+    return (
         f"{figures['n_episodes']} episodes, {figures['kept_s']:.0f} s at "
         f"{1e3 * figures['period_s']:g} ms, {figures['n_too_short']} stretches too short and "
-        f"left out; windows of {STEPS} steps: {windows}"
-    )
-    if not figures["unchecked"]:
-        return made
-    return (
-        f"{made}\nNot checked, because nothing in the logs confirms it: "
-        f"{', '.join(figures['unchecked'])}. Compare the ranges with what the car did."
+        f"left out; windows of {STEPS} steps: {windows}\n"
+        f"A unit is checked only where signals depend on each other: compare the ranges with what "
+        f"the car did."
     )
 
 

@@ -148,12 +148,13 @@ class LogMapping(CarSignals):
     def resolve_roles(self) -> Roles:
         """The roles in the file, with defaults for those that are not; past in schema order."""
         speeds = [name for name in self.states if self.quantity(name) is Quantity.SPEED]
-        centred = (*speeds, *(("ds_m",) if self.pose else ()))
-        past = self.roles.past
+        path = PATH_STATES if self.state_names == VEHICLE.state_names else ()
+        centred, past = (*speeds, *path[:1]), self.roles.past
+        remembered = [n for n in (*self.states, *self.inputs) if n not in path]
         return Roles(
             centred=centred if self.roles.centred is None else self.roles.centred,
             odd=self.roles.odd,
-            past=tuple(n for n in (*self.states, *self.inputs) if past is None or n in past),
+            past=tuple(n for n in remembered if past is None or n in past),
         )
 
     @model_validator(mode="after")

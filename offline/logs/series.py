@@ -13,11 +13,9 @@ from rt_controller.contract.arrays import Array
 from rt_controller.contract.errors import DatasetError
 from rt_controller.mapping.quantity import limits_of
 from rt_controller.mapping.slots import scaling_of
-from rt_controller.mapping.tables import ColumnMapping, Sampling, SignalMapping
+from rt_controller.mapping.tables import LONGEST_GAP_PERIODS, ColumnMapping, Sampling, SignalMapping
 from rt_controller.mapping.units import si_unit_of_name
 
-LONGEST_GAP_PERIODS = 3.5
-"""longest gap in usual sampling periods: two lost samples are bridged"""
 SHORTEST_STEP_S = 0.02
 """time over which a change is judged, so that noise of fast samples does not count as a jump"""
 POSE_SIGNALS = (("x", "m", 120.0), ("y", "m", 120.0), ("yaw", "rad", 5.0))

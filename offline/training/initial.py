@@ -16,7 +16,7 @@ from torch import Tensor
 
 from offline.config import TrainingConfig
 from offline.data.dataset import Dataset
-from offline.data.signals import Scaling, fit_scaling, past_columns
+from offline.data.signals import Scaling, fit_scaling, past_columns, past_names
 from offline.model.encoder import Encoder
 from offline.model.network import MdkNet
 from offline.model.physical_units import scaling_of_lift
@@ -96,6 +96,14 @@ def choose_scaling(
         raise ConfigError(
             f"--init: expected a model of the signals of the data set ({expected}), found one of "
             f"others ({found}). Train without --init."
+        )
+    past = past_names(dataset.schema, dataset.roles)
+    if first_model.lift.history_steps and first_model.lift.history_fields != past:
+        raise ConfigError(
+            f"--init: expected a model whose history has the signals of the data set "
+            f"({', '.join(past)}), found one with {', '.join(first_model.lift.history_fields)}. "
+            f"Write past = {list(first_model.lift.history_fields)} in [roles] of the mapping and "
+            f"import again, or train without --init."
         )
     weights = _weights(first_model)
     scaled = [name for name in weights if name.endswith(".spread")]

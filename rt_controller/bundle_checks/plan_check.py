@@ -17,9 +17,9 @@ from rt_controller.contract.signals import (
     VehicleState,
 )
 from rt_controller.contract.timing import PERIOD_S
+from rt_controller.control.eq14 import TrackingCost
 from rt_controller.control.mpc import Mpc
 from rt_controller.control.program import SolveStatus
-from rt_controller.control.terms import TrackingCost
 from rt_controller.control.warm_start import open_solver
 from rt_controller.model.bundle import Bundle, PlanSample
 from rt_controller.model.validation import find_objection_to_driving
@@ -92,8 +92,9 @@ def _plan(bundle: Bundle, sample: PlanSample) -> np.ndarray:
         applied = ControlInput(*previous.tolist())
         mpc.forget()
         mpc.resume(applied)
-        seen = VehicleState(*state.tolist()), float(curvature_per_m), PathReference(*path.tolist())
-        status = mpc.plan(*seen, applied)
+        x_0 = mpc.observe(VehicleState(*state.tolist()), applied)
+        reference = PathReference(*path.tolist())
+        status = mpc.plan(x_0, float(curvature_per_m), reference, applied)
         if status is not SolveStatus.SOLVED:
             raise ArtifactError(
                 f"The model {bundle.name!r}: expected a plan at {state[0]:.1f} m/s, found a QP "

@@ -3,7 +3,7 @@
 import hashlib
 from functools import cache
 
-from rt_controller.bus.dbc import dbc_path
+from rt_controller.bus.dbc import DBC_PATH
 from rt_controller.bus.messages import Command, Heartbeat, Identity, Mission
 from rt_controller.bus.receive import Received
 from rt_controller.contract.errors import BusError
@@ -22,9 +22,9 @@ def leading_digits(sha256_hex: str, digits: int) -> int:
 
 
 @cache
-def dbc_hash(is_fd: bool = False) -> int:
-    """32-bit hash of this program's message catalogue: of classic CAN, or of CAN FD."""
-    return hash_of_catalogue(dbc_path(is_fd).read_text(encoding="ascii"))
+def dbc_hash() -> int:
+    """32-bit hash of this program's message catalogue."""
+    return hash_of_catalogue(DBC_PATH.read_text(encoding="ascii"))
 
 
 def hash_of_catalogue(text: str) -> int:
@@ -43,23 +43,23 @@ def model_hash(sha256_hex: str) -> int:
     return leading_digits(sha256_hex, MODEL_HASH_DIGITS)
 
 
-def own_identity(model: int | None, is_fd: bool = False) -> Identity:
+def own_identity(model: int | None) -> Identity:
     """Identity of this program with the model of this hash, or without a model."""
-    return Identity(dbc_hash(is_fd), model)
+    return Identity(dbc_hash(), model)
 
 
-def require_same_catalogue(peer: Identity, is_fd: bool = False) -> None:
+def require_same_catalogue(peer: Identity) -> None:
     """Return if the other end of the bus uses the same message catalogue.
 
     Raises:
         BusError: it uses another one.
     """
-    expected = dbc_hash(is_fd)
+    expected = dbc_hash()
     if peer.dbc_hash != expected:
         raise BusError(
             f"the other end of the bus: expected the message catalogue {expected:08x}, found "
             f"{peer.dbc_hash:08x}. Run controller and vehicle from one version (their "
-            f"messages.dbc and messages_fd.dbc must be the same files)."
+            f"messages.dbc must be the same file)."
         )
 
 
@@ -90,8 +90,8 @@ class Engagement:
 class PeerCatalogue:
     """Whether the other end uses another message catalogue."""
 
-    def __init__(self, is_fd: bool) -> None:
-        self._own = dbc_hash(is_fd)
+    def __init__(self) -> None:
+        self._own = dbc_hash()
         self._last: Received[Identity] | None = None
         self._mismatched = 0
 

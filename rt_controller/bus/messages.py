@@ -1,11 +1,10 @@
 """The messages of the bus: what each contains, and which CAN frames carry it.
 
 The bus uses degrees for the steering wheel and milliseconds; the program uses radians and
-nanoseconds. Layouts, units and ranges are in `messages.dbc` and `messages_fd.dbc`.
+nanoseconds. Layouts, units and ranges are in `messages.dbc`.
 
-A new message needs its frames in `messages.dbc`, its frame in `messages_fd.dbc`, one
-`CATALOGUE.define` here, and one call: `Outbox.send(MESSAGE, content, now_ns)` or
-`Inbox.newest(MESSAGE)`.
+A new message needs its frames in `messages.dbc`, one `CATALOGUE.define` here, and one call:
+`Outbox.send(MESSAGE, content, now_ns)` or `Inbox.newest(MESSAGE)`.
 """
 
 from collections.abc import Callable, Iterable
@@ -16,7 +15,7 @@ from pathlib import Path
 from typing import Any, Generic, NamedTuple, TypeVar
 
 from rt_controller.bus.codec import FrameCodec, FrameSpec
-from rt_controller.bus.dbc import DBC_PATH, FD_DBC_PATH, misfit, read_dbc
+from rt_controller.bus.dbc import DBC_PATH, read_dbc
 from rt_controller.contract.faults import NO_REFUSAL, Fault, Refusal
 from rt_controller.contract.signals import (
     N_STATES,
@@ -105,30 +104,31 @@ class Message(Generic[T]):
         self,
         sender: Node,
         codecs: tuple[FrameCodec, ...],
-        fd_codecs: tuple[FrameCodec, ...],
         cycle_ticks: int,
         encode: Callable[[T], tuple[float, ...]],
         decode: Callable[..., T],
     ) -> None:
         self.sender = sender
         self.codecs = codecs
-        """of classic CAN"""
-        self.fd_codecs = fd_codecs
-        """of CAN FD, where the content is in one frame"""
         self.cycle_ticks = cycle_ticks
         self.values_of = encode
         """physical values of all frames, flat, from a content"""
         self._decode = decode
 
-    def codecs_of(self, is_fd: bool) -> tuple[FrameCodec, ...]:
-        """Those of CAN FD, or of classic CAN."""
-        return self.fd_codecs if is_fd else self.codecs
-
-    def parts_of(self, is_fd: bool) -> list[tuple[FrameCodec, slice]]:
+    @property
+    def parts(self) -> list[tuple[FrameCodec, slice]]:
         """The codec of each frame, and its part of the values."""
-        codecs = self.codecs_of(is_fd)
-        ends = accumulate(codec.n_values for codec in codecs)
-        return [(c, slice(end - c.n_values, end)) for c, end in zip(codecs, ends, strict=True)]
+        ends = accumulate(codec.n_values for codec in self.codecs)
+        return [(c, slice(end - c.n_values, end)) for c, end in zip(self.codecs, ends, strict=True)]
+
+    @property
+    def ranges(self) -> list[tuple[float, float]]:
+        """Lowest and highest physical value in the DBC, in the order of the values."""
+        return [
+            (s.raw_min * s.scale + s.offset, s.raw_max * s.scale + s.offset)
+            for codec in self.codecs
+            for s in codec.signals
+        ]
 
     @property
     def cycle_ms(self) -> float:
@@ -142,16 +142,14 @@ class Message(Generic[T]):
 class Catalogue:
     """All messages of one bus, in the order of their definitions."""
 
-    def __init__(self, path: Path, fd_path: Path | None = None) -> None:
-        """Read the DBC of the frames of classic CAN, and that of CAN FD; None: without those."""
+    def __init__(self, path: Path) -> None:
+        """Read the DBC."""
         self._dbc = read_dbc(path)
-        self._fd_dbc = None if fd_path is None else read_dbc(fd_path)
         self.messages: list[Message[Any]] = []
 
     def define(
         self,
         *frames: FrameSpec,
-        fd_name: str | None = None,
         cycle_ticks: int,
         encode: Callable[[T], tuple[float, ...]],
         decode: Callable[..., T],
@@ -160,39 +158,18 @@ class Catalogue:
 
         Args:
             frames: the frames that carry it, in the order of the values.
-            fd_name: of the frame of CAN FD that has all their signals; default: as the first frame.
             cycle_ticks: control periods from one sending to the next.
             encode: physical values of all frames, flat, from the content; a flag other than
                 "Valid" comes before the other signals of its frame. NaN means not available.
             decode: the content from the same values, which are within their ranges.
-
-        Raises:
-            ConfigError: the DBC lacks a frame, or has a layout that the codec does not support.
         """
         codecs = tuple(FrameCodec(self._dbc, frame) for frame in frames)
-        senders = {codec.sender for codec in codecs}
-        names = ", ".join(frame.name for frame in frames)
-        if len(senders) != 1 or not senders <= set(Node):
-            raise misfit(names, f"with one sender of {', '.join(Node)}", str(sorted(senders)))
-        fd_codecs: tuple[FrameCodec, ...] = ()
-        if self._fd_dbc is not None:
-            fd_codecs = (FrameCodec(self._fd_dbc, _joined(frames, fd_name)),)
-        message = Message(Node(senders.pop()), codecs, fd_codecs, cycle_ticks, encode, decode)
+        message = Message(Node(codecs[0].sender), codecs, cycle_ticks, encode, decode)
         self.messages.append(message)
         return message
 
 
-def _joined(frames: tuple[FrameSpec, ...], name: str | None) -> FrameSpec:
-    """One frame with the signals of all."""
-    return FrameSpec(
-        name or frames[0].name,
-        frames[0].flag,
-        tuple(chain.from_iterable(frame.signals for frame in frames)),
-        tuple(chain.from_iterable(frame.optional for frame in frames)),
-    )
-
-
-CATALOGUE = Catalogue(DBC_PATH, FD_DBC_PATH)
+CATALOGUE = Catalogue(DBC_PATH)
 
 _NS_PER_MS = 1_000_000
 _MODES = {int(mode): mode for mode in Mode}
@@ -255,7 +232,6 @@ STATE = CATALOGUE.define(
         ("Curvature", "SampleTime", "CommandEcho", "VehicleFaults"),
         optional=("CommandEcho",),
     ),
-    fd_name="STATE",
     cycle_ticks=1,
     encode=_encode_state,
     decode=_decode_state,
@@ -268,7 +244,6 @@ SAMPLE_TIME_WRAP_NS = (_SAMPLE_TIME.raw_max + 1) * _SAMPLE_TIME_LSB_NS
 REFERENCE = CATALOGUE.define(
     FrameSpec("REF_PATH", "Valid", ("C0", "C1", "C2")),
     FrameSpec("REF_SPEED", "Valid", ("C3", "SpeedRef", "AccelerationRef")),
-    fd_name="REF",
     cycle_ticks=1,
     encode=tuple,
     decode=PathReference,
@@ -290,7 +265,6 @@ _PREVIEW_A, _PREVIEW_B = ("Spacing", "K0", "K1"), ("K2", "K3", "K4")
 PREVIEW = CATALOGUE.define(
     FrameSpec("REF_CURVATURE_A", "Valid", _PREVIEW_A, optional=_PREVIEW_A),
     FrameSpec("REF_CURVATURE_B", "Valid", _PREVIEW_B, optional=_PREVIEW_B),
-    fd_name="REF_CURVATURE",
     cycle_ticks=1,
     encode=lambda preview: tuple(_NO_PREVIEW if preview is None else preview),
     decode=_decode_preview,

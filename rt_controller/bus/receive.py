@@ -1,8 +1,8 @@
 """Reading a bus: the newest complete content of each message, and counts of what is wrong.
 
-Every frame is checked as AUTOSAR's end-to-end profiles 22 and 5 demand it: checksum, sequence of
-counters, state of the link. Source: AUTOSAR FO PRS E2EProtocol, "E2E_P22Check", "E2E_P05Check" and
-"E2E state machine".
+Every frame is checked as AUTOSAR's end-to-end profile 22 demands it: checksum, sequence of
+counters, state of the link. Source: AUTOSAR FO PRS E2EProtocol, "E2E_P22Check" and "E2E state
+machine".
 
 `drain` never blocks and never raises. A bus that fails is counted and reported; the rest of the
 program treats it as a bus on which nothing arrives.
@@ -64,9 +64,7 @@ class ReceptionCounts:
     """What was wrong with the frames of this catalogue, since the start."""
 
     crc_errors: int = 0
-    """wrong checksum or length; dropped"""
-    other_format: int = 0
-    """frames of CAN FD on a bus of classic frames, or the reverse; dropped"""
+    """wrong checksum or length, or a frame of CAN FD; dropped"""
     repeated: int = 0
     """same counter as the frame before, so the sender has stopped working; dropped"""
     contradicting: int = 0
@@ -151,8 +149,8 @@ class _Assembly:
     __slots__ = ("arrivals_ns", "conflict_ns", "counters", "links", "message", "newest",
                  "out_of_range", "refused", "slots", "values")  # fmt: skip
 
-    def __init__(self, message: Message[Any], is_fd: bool, is_own: bool) -> None:
-        codecs = message.codecs_of(is_fd)
+    def __init__(self, message: Message[Any], is_own: bool) -> None:
+        codecs = message.codecs
         self.message = message
         self.newest: Received[Any] | None = None
         self.out_of_range = 0
@@ -203,10 +201,7 @@ class Inbox:
         node: Node,
         recorder: Recorder | None = None,
         catalogue: Catalogue = CATALOGUE,
-        is_fd: bool = False,
     ) -> None:
-        """`is_fd`: the frames of CAN FD instead of the classic ones."""
-        self.is_fd = is_fd
         self.counts = ReceptionCounts()
         self.condition = BusCondition()
         self.last_failure = ""
@@ -217,9 +212,7 @@ class Inbox:
         self._recorder = recorder
         self._period_ns = 0
         """when the last period ended"""
-        assemblies = [
-            _Assembly(message, is_fd, message.sender == node) for message in catalogue.messages
-        ]
+        assemblies = [_Assembly(message, message.sender == node) for message in catalogue.messages]
         self._assemblies = {
             each.message: each for each in assemblies if each.message.sender != node
         }
@@ -322,11 +315,9 @@ class Inbox:
             return
         link, counts = slot.link, self.counts
         frame = message.data
-        is_other = message.is_fd is not self.is_fd
-        counter = DAMAGED if is_other else slot.codec.check(frame)
+        counter = DAMAGED if message.is_fd else slot.codec.check(frame)
         if counter == DAMAGED:
-            counts.other_format += is_other
-            counts.crc_errors += not is_other
+            counts.crc_errors += 1
             if link is not None:
                 link.add(is_good=False, is_damaged=True)
             return

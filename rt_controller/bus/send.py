@@ -8,6 +8,7 @@ from typing import Any, Protocol, TypeVar
 
 import can
 
+from rt_controller.bus.codec import FRAME_LENGTH
 from rt_controller.bus.condition import is_queue_full
 from rt_controller.bus.log.recorder import Recorder
 from rt_controller.bus.messages import CATALOGUE, Catalogue, Message, Node
@@ -32,34 +33,30 @@ class DiscardBus:
 
 
 class _Outgoing:
-    """One message as it is sent: its prepared frames, its counter, its last contents.
+    """One message as it is sent: its prepared frames and its counter.
 
     The frames are used again and again: every backend of python-can has copied or serialised
     a frame when `send` returns.
     """
 
-    __slots__ = ("contents", "counter", "frames", "modulus", "values_of")
+    __slots__ = ("counter", "frames", "values_of")
 
-    def __init__(self, message: Message[Any], is_fd: bool) -> None:
+    def __init__(self, message: Message[Any]) -> None:
         self.counter = -1
-        parts = message.parts_of(is_fd)
-        self.modulus = max(LONG_COUNTER_MODULUS, parts[0][0].counter_modulus)
         self.values_of = message.values_of
-        self.contents: list[Any] = [None] * LONG_COUNTER_MODULUS
         self.frames = [
             (
                 can.Message(
                     arbitration_id=codec.arbitration_id,
                     is_extended_id=False,
                     is_rx=False,
-                    is_fd=codec.is_fd,
-                    data=bytes(codec.length),
+                    data=bytes(FRAME_LENGTH),
                     check=True,
                 ),
                 codec,
                 part,
             )
-            for codec, part in parts
+            for codec, part in message.parts
         ]
 
 
@@ -72,10 +69,7 @@ class Outbox:
         node: Node,
         recorder: Recorder | None = None,
         catalogue: Catalogue = CATALOGUE,
-        is_fd: bool = False,
     ) -> None:
-        """`is_fd`: the frames of CAN FD instead of the classic ones."""
-        self.is_fd = is_fd
         self.sent = 0  # frames
         self.send_failures = 0
         self.queue_full = 0
@@ -85,9 +79,7 @@ class Outbox:
         self._bus = bus
         self._recorder = recorder
         self._outgoing = {
-            message: _Outgoing(message, is_fd)
-            for message in catalogue.messages
-            if message.sender == node
+            message: _Outgoing(message) for message in catalogue.messages if message.sender == node
         }
 
     def send(
@@ -105,13 +97,11 @@ class Outbox:
             message: one that this node sends.
             content: its content.
             now_ns: stamp for the recorder.
-            counter: taken modulo that of the frames; None: one more than that of the last sending.
+            counter: taken modulo 128; None: one more than that of the last sending.
             is_valid: False tells the receiver not to use the values.
         """
         outgoing = self._outgoing[message]
-        counter = (outgoing.counter + 1 if counter is None else counter) % outgoing.modulus
-        if counter != outgoing.counter:  # the receiver drops a repeated one
-            outgoing.contents[counter % LONG_COUNTER_MODULUS] = content
+        counter = (outgoing.counter + 1 if counter is None else counter) % LONG_COUNTER_MODULUS
         outgoing.counter = counter
         values = outgoing.values_of(content)
         for frame, codec, part in outgoing.frames:
@@ -126,17 +116,3 @@ class Outbox:
             self.sent += 1
             if self._recorder is not None:
                 self._recorder.record(frame, now_ns, is_sent=True)
-
-    def contents_until(self, message: Message[T], counter: int, most: int) -> list[T]:
-        """The contents sent under this counter and the ones before it, the newest first.
-
-        At most `most`; fewer where one was not sent or was repeated.
-        """
-        contents: list[T | None] = self._outgoing[message].contents
-        found = []
-        for delay in range(most):
-            content = contents[(counter - delay) % LONG_COUNTER_MODULUS]
-            if content is None:
-                break
-            found.append(content)
-        return found

@@ -7,9 +7,8 @@ settings count.
 import errno
 import socket
 import struct
-import tomllib
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from threading import Thread
 from typing import Any
 
@@ -27,17 +26,10 @@ from rt_controller.contract.names import hint
 
 Option = str | int | float | bool
 
-_VIRTUAL = "virtual"
-_SOCKETCAN = "socketcan"
-_REMOTE = "remote"
-_MULTICAST = "udp_multicast"
-_SLCAN = "slcan"
-COMMON = (_VIRTUAL, "local", _SOCKETCAN, _REMOTE, _SLCAN, "pcan", "kvaser", "vector")
+COMMON = ("virtual", "local", "socketcan", "remote", "slcan", "pcan", "kvaser", "vector")
 """interfaces that a message names; the rest of python-can's are accepted too"""
-_WITHOUT_BITRATE = (_VIRTUAL, _SOCKETCAN)
-_WITHOUT_FD = (_SLCAN,)
-_ALWAYS_FD = (_VIRTUAL, "local")
-"""interfaces that carry frames of CAN FD without an option"""
+_WITH_FD = {"virtual": {}, "local": {}, "socketcan": {"fd": True}, "remote": {"fd": True}}
+"""interfaces that carry frames of CAN FD, with the option that they need; others have a timing"""
 
 VIRTUAL_QUEUE_FRAMES = 1024
 """A virtual bus that is not read refuses frames after this many, instead of filling the memory."""
@@ -52,6 +44,29 @@ SOCKET_BUFFER_BYTES = 1 << 20
 _SO_RCVBUFFORCE, _SO_MEMINFO = 33, 55
 _MEMINFO = struct.Struct("9I")
 """the last number: frames that found no room in the buffer"""
+_OTHER_FAILURE = (
+    "expected a bus that opens, found {found}. Check the channel and the options against "
+    "python-can's page on {interface}."
+)
+_FAILURES = {
+    ("socketcan", errno.EAFNOSUPPORT): (
+        "expected a kernel with CAN, found one without AF_CAN. Load its module (modprobe can "
+        "can-raw vcan), or choose an interface that needs none: local (between the processes of "
+        "this machine), remote, slcan."
+    ),
+    ("socketcan", errno.ENODEV): (
+        "expected a network interface {channel}, found no such device. See ip -brief link; for a "
+        "virtual one: ip link add {channel} type vcan && ip link set {channel} up."
+    ),
+    ("remote", errno.ETIMEDOUT): (
+        "expected a server that answers in time, found none. Restart it, or correct the address."
+    ),
+    ("remote", errno.ECONNREFUSED): (
+        "expected a server that listens there, found none (connection refused). Start it first, "
+        "or correct the address."
+    ),
+}
+"""what was expected and found, and the remedy, by interface and number of the error"""
 
 
 def open_bus(
@@ -68,37 +83,33 @@ def open_bus(
         channel: "vcan0", "/dev/ttyACM0", "ws://127.0.0.1:54701"...
         bitrate: in bit/s, for adapters that the program has to set.
         options: further arguments of the interface, as python-can documents them.
-        is_fd: for frames of CAN FD too.
+        is_fd: for frames of CAN FD too, which a car's own messages may be.
 
     Raises:
-        ConfigError: no such interface, one that cannot be used, or one that sets no bitrate; or
-            a channel with a null character.
+        ConfigError: no such interface, one that cannot be used, or one that sets no bitrate or
+            has no CAN FD.
         BusError: no such channel, or the interface refuses these settings.
         MissingExtraError: the interface needs a package that is not installed.
     """
     require_interface(interface)
-    if interface == _MULTICAST:
+    if interface == "udp_multicast":
         raise ConfigError(
-            f"`bus` {_MULTICAST}: expected an interface that does not return the frames that were "
-            f"sent, which would be those of a second controller. Choose local or remote."
-        )
-    if "\0" in channel:  # a settings file can write one
-        raise ConfigError(
-            f"`channel`: expected the name of a channel, found {channel!r}, with a null character. "
-            f"Correct the settings file."
+            "`bus` udp_multicast: expected an interface that does not return the frames that were "
+            "sent, which would be those of a second controller. Choose local or remote."
         )
     settings: dict[str, Any] = dict(options or {})
-    if is_fd and interface in _WITHOUT_FD:
-        raise ConfigError(
-            f"`fd`: expected an interface with CAN FD, found {interface}. Leave out --fd, or "
-            f"choose virtual, local, socketcan, remote, pcan, kvaser or vector."
-        )
-    if is_fd and interface not in _ALWAYS_FD:
-        settings["fd"] = True
-    if interface == _VIRTUAL:
+    if is_fd:
+        if interface not in _WITH_FD:
+            raise ConfigError(
+                f"{interface} {channel}: expected {', '.join(_WITH_FD)} for a DBC with messages of "
+                f"CAN FD, found {interface}. Use the adapter through socketcan, or leave these "
+                f"messages out of the DBC."
+            )
+        settings |= _WITH_FD[interface]
+    if interface == "virtual":
         settings.setdefault("rx_queue_size", VIRTUAL_QUEUE_FRAMES)
     if bitrate is not None:
-        if interface in _WITHOUT_BITRATE:
+        if interface in ("virtual", "socketcan"):
             raise ConfigError(
                 f"`bitrate` of {interface}: expected no bitrate, found {bitrate}: this interface "
                 f"does not set one. Leave it out (for socketcan: ip link set {channel} type can "
@@ -106,32 +117,27 @@ def open_bus(
             )
         settings["bitrate"] = bitrate
     try:
-        with _connection_limit(interface):
-            bus = _open(interface, channel, settings)
+        if interface == "slcan":
+            from rt_controller.bus.slcan import BoundedSlcanBus  # needs the package serial
+
+            return BoundedSlcanBus(channel=channel, **settings)
+        with _connection_limit() if interface == "remote" else nullcontext():
+            bus = can.Bus(channel=channel, interface=interface, ignore_config=True, **settings)
     except Exception as error:  # each backend raises its own type
         raise explain_failure(interface, channel, error) from error
     if isinstance(bus, SocketcanBus):
         _enlarge_buffer(bus.socket)
-    if interface == _REMOTE:
+    if interface == "remote":
         # A server that has stopped in the middle of a frame must not delay the loop.
         bus.socket.settimeout(REMOTE_TIMEOUT_S)  # type: ignore[attr-defined]
     return bus
 
 
-def _open(interface: str, channel: str, settings: dict[str, Any]) -> can.BusABC:
-    if interface == _SLCAN:
-        from rt_controller.bus.slcan import BoundedSlcanBus
-
-        return BoundedSlcanBus(channel=channel, **settings)
-    return can.Bus(channel=channel, interface=interface, ignore_config=True, **settings)
-
-
 @contextmanager
-def _connection_limit(interface: str) -> Iterator[None]:
+def _connection_limit() -> Iterator[None]:
     """A limit for connections that are made in this context; python-can-remote has none."""
     before = socket.getdefaulttimeout()
-    if interface == _REMOTE:
-        socket.setdefaulttimeout(CONNECTION_TIMEOUT_S)
+    socket.setdefaulttimeout(CONNECTION_TIMEOUT_S)
     try:
         yield
     finally:
@@ -175,19 +181,6 @@ def _shut_down(bus: can.BusABC) -> None:
         can.BusABC.shutdown(bus)
 
 
-def parse_options(written: Mapping[str, str]) -> dict[str, Option]:
-    """Options as written on the command line, each with the type it would have in TOML."""
-    return {name: _parse_option(value) for name, value in written.items()}
-
-
-def _parse_option(value: str) -> Option:
-    try:
-        parsed = tomllib.loads(f"value = {value}")["value"]
-    except (ValueError, RecursionError):  # no TOML, or a number without end
-        return value
-    return parsed if isinstance(parsed, bool | int | float | str) else value
-
-
 def require_interface(interface: str) -> None:
     """Return if python-can has an interface of this name.
 
@@ -197,12 +190,12 @@ def require_interface(interface: str) -> None:
     """
     if interface in can.VALID_INTERFACES:
         return
-    if interface == _REMOTE:
+    if interface == "remote":
         raise MissingExtraError(
             "remote: expected the package python-can-remote, found none. "
             f"Run: {install_command('remote')}"
         )
-    near = hint(interface, {*can.VALID_INTERFACES, _REMOTE})
+    near = hint(interface, {*can.VALID_INTERFACES, "remote"})
     raise ConfigError(
         f"`bus` {interface!r}: expected {', '.join(COMMON)} or another interface of "
         f"python-can, found no such name{near}."
@@ -217,30 +210,9 @@ def explain_failure(interface: str, channel: str, error: Exception) -> RtControl
             f"{place}: expected what this interface needs, found: {error}. Install what "
             f"python-can's page on {interface} names, or choose another interface."
         )
-    number = getattr(error, "errno", None) or getattr(error, "error_code", None)
-    if interface == _SOCKETCAN and number == errno.EAFNOSUPPORT:
-        return BusError(
-            f"{place}: expected a kernel with CAN, found one without AF_CAN. Load its module "
-            f"(modprobe can can-raw vcan), or choose an interface that needs none: local "
-            f"(between the processes of this machine), remote, slcan."
-        )
-    if interface == _SOCKETCAN and number == errno.ENODEV:
-        return BusError(
-            f"{place}: expected a network interface {channel}, found no such device. See "
-            f"ip -brief link; for a virtual one: ip link add {channel} type vcan && "
-            f"ip link set {channel} up."
-        )
+    number = getattr(error, "errno", None) or getattr(error, "error_code", None) or 0
     if isinstance(error, TimeoutError):
-        return BusError(
-            f"{place}: expected a server that answers within {CONNECTION_TIMEOUT_S:g} s, found "
-            f"none. Restart it, or correct the address."
-        )
-    if number == errno.ECONNREFUSED:
-        return BusError(
-            f"{place}: expected a server that listens there, found none (connection refused). "
-            f"Start it first, or correct the address."
-        )
-    return BusError(
-        f"{place}: expected a bus that opens, found {type(error).__name__}: {error}. Check the "
-        f"channel and the options against python-can's page on {interface}."
-    )
+        number = errno.ETIMEDOUT
+    text = _FAILURES.get((interface, number), _OTHER_FAILURE)
+    found = f"{type(error).__name__}: {error}"
+    return BusError(f"{place}: {text.format(interface=interface, channel=channel, found=found)}")

@@ -21,6 +21,7 @@ from rt_controller.contract.limits import (
     SteeringGeometry,
 )
 from rt_controller.contract.names import hint
+from rt_controller.contract.quantities import Quantity
 from rt_controller.contract.signals import ControlInput
 
 DEFAULT_BRAKE_MPS2_PER_N = 0.05
@@ -141,35 +142,6 @@ RANGES: Mapping[str, tuple[float, float]] = MappingProxyType(
     }
 )
 """of the values of [car]; limits end at those within which the models are trained"""
-THRESHOLDS = (
-    "progress_step_m",
-    "progress_speed_mps",
-    "speed_step_mps",
-    "speed_ten_mps",
-    "lateral_speed_step_mps",
-    "lateral_speed_ten_mps",
-    "yaw_rate_step_radps",
-    "yaw_rate_ten_radps",
-    "heading_rad",
-    "lateral_error_m",
-    "curvature_step_per_m",
-    "pedal_speed_mps",
-    "frozen_ticks",
-    "steering_rad",
-    "throttle",
-    "brake_n",
-    "tracking_m",
-    "speed_mps",
-    "outside_training",
-    "path_step_m",
-    "path_drift_m",
-    "path_frozen_m",
-    "path_turn_rad",
-    "path_speed_step_mps",
-    "preview_step_per_m",
-    "path_lateral_mps2",
-    "engage_ey_m",
-    "engage_epsi_rad",
-)
-"""quantities of the plausibility checks (`safety/checks.py`), whose thresholds a car may set"""
+THRESHOLDS = tuple(quantity.name.lower() for quantity in Quantity)
+"""names of the plausibility checks whose thresholds a car may set"""
 THRESHOLD_RANGE = (1e-6, 1e6)

@@ -25,6 +25,28 @@ class Fault(IntFlag):
 
 
 NO_FAULT = Fault(0)
+FAULT_SENTENCES = {
+    Fault.STATE_STALE: "No new vehicle state arrived in time.",
+    Fault.STATE_INVALID: "The vehicle state had values that may not be used.",
+    Fault.SOLVER_FAILED: "The QP was not solved.",
+    Fault.DEADLINE_MISSED: "The commands were sent after their deadline.",
+    Fault.MISSION_MISSING: "There was no valid mission.",
+    Fault.BUS_FAULT: "The bus could not be read, or was off.",
+    Fault.PEER_MISMATCH: "The vehicle used another message catalogue.",
+    Fault.PREVIEW_IMPLAUSIBLE: "The curvature ahead contradicted the state or the one before, and "
+    "was not used.",
+    Fault.COMMANDS_UNANSWERED: "The vehicle did not accept the commands in time.",
+    Fault.SOURCE_CONFLICT: "A second participant sent states or commands.",
+    Fault.STATE_IMPLAUSIBLE: "Values of the vehicle state contradicted each other or the model; an "
+    "estimate replaced them.",
+    Fault.PATH_IMPLAUSIBLE: "The path jumped, was too sharp, or led away from the car.",
+    Fault.ACTUATOR_MISMATCH: "An actuator followed the commands too late, or not at all.",
+    Fault.NOT_ENGAGED: "The car was outside of the window in which the controller may begin to "
+    "drive.",
+    Fault.SPEED_NOT_FOLLOWED: "The speed was far from the wanted one for seconds.",
+    Fault.OUTSIDE_TRAINING: "The motion was outside of what the model was trained with.",
+}
+"""what each bit says of a drive"""
 
 
 class Refusal(IntFlag):
@@ -51,33 +73,85 @@ class Refusal(IntFlag):
 NO_REFUSAL = Refusal(0)
 _STATE, _PATH = Fault.STATE_IMPLAUSIBLE, Fault.PATH_IMPLAUSIBLE
 _ACTUATOR = Fault.ACTUATOR_MISMATCH
+_OF_VALUES = "Check what sends or measures these values."
+_COUNTED = "(sim-bridge) runs and its frames arrive; the summary counts dropped and missing ones."
 
 
 class StopCause(StrEnum):
-    """Why the plan is held, or the car is stopped; with the bit of the heartbeat that says so."""
+    """Why the plan is held, or the car is stopped: its words, the bit that says so, a remedy."""
 
     fault: Fault
-    """NO_FAULT: another bit says it, or none does"""
+    """bit of the heartbeat; NO_FAULT: another bit says it, or none does"""
+    remedy: str
+    """what to do, as a sentence; empty where the cause says it"""
 
-    def __new__(cls, text: str, fault: Fault = NO_FAULT) -> "StopCause":
+    def __new__(cls, text: str, fault: Fault = NO_FAULT, advice: str = "") -> "StopCause":
         cause = str.__new__(cls, text)
         cause._value_, cause.fault = text, fault
+        cause.remedy = advice if fault is NO_FAULT else _OF_VALUES
         return cause
 
+    @property
+    def is_of_checks(self) -> bool:
+        """True if a check of plausibility finds it."""
+        return self.fault is not NO_FAULT
+
     NONE = "none"
-    STATE_LOST = "no new vehicle state arrived in time"
-    STATE_CONFLICT = "states of a second vehicle, or old ones, arrive among those of the vehicle"
-    COMMANDS_UNANSWERED = "the vehicle does not accept the commands in time"
+    STATE_LOST = (
+        "no new vehicle state arrived in time",
+        NO_FAULT,
+        f"Check that the vehicle {_COUNTED}",
+    )
+    STATE_CONFLICT = (
+        "states of a second vehicle, or old ones, arrive among those of the vehicle",
+        NO_FAULT,
+        "Stop the second vehicle, or the program that replays a log.",
+    )
+    COMMANDS_UNANSWERED = (
+        "the vehicle does not accept the commands in time",
+        NO_FAULT,
+        "Check that commands arrive at the vehicle, and why it refuses them (refused_ticks in its "
+        "summary).",
+    )
     STATE_INVALID = "the vehicle state arrives with values that may not be used"
-    REFERENCE_LOST = "no fresh path reference"
+    REFERENCE_LOST = (
+        "no fresh path reference",
+        NO_FAULT,
+        f"Check that the path planner {_COUNTED}",
+    )
     REFERENCE_INVALID = "the path reference arrives with values that may not be used"
-    MISSION_LOST = "the mission is no longer valid"
-    SOLVER_FAILED = "the QP was not solved"
+    MISSION_LOST = (
+        "the mission is no longer valid",
+        NO_FAULT,
+        f"Check that the vehicle {_COUNTED}",
+    )
+    SOLVER_FAILED = (
+        "the QP was not solved",
+        NO_FAULT,
+        "Check the tolerances of --mpc and the model.",
+    )
     BUS_FAILED = "the bus cannot be read"
-    BUS_OFF = "no new vehicle state arrives: the CAN controller is bus-off"
-    INTERFACE_DOWN = "no new vehicle state arrives: the CAN interface is down"
-    SECOND_CONTROLLER = "another controller sends commands on this bus"
-    PEER_MISMATCH = "the vehicle uses another message catalogue"
+    BUS_OFF = (
+        "no new vehicle state arrives: the CAN controller is bus-off",
+        NO_FAULT,
+        "Check wiring, termination and bit rate; the driver restarts the controller with "
+        "restart-ms.",
+    )
+    INTERFACE_DOWN = (
+        "no new vehicle state arrives: the CAN interface is down",
+        NO_FAULT,
+        "Bring the interface up (ip link set CHANNEL up).",
+    )
+    SECOND_CONTROLLER = (
+        "another controller sends commands on this bus",
+        NO_FAULT,
+        "Stop the other one, or choose another channel.",
+    )
+    PEER_MISMATCH = (
+        "the vehicle uses another message catalogue",
+        NO_FAULT,
+        "Start the same version at both ends.",
+    )
     VEHICLE_BRAKING = "the vehicle's own watchdog is braking"
     STOP_REQUESTED = "stop requested"
     SPEED_IMPLAUSIBLE = (

@@ -59,6 +59,8 @@ def _obstacle(path: Path) -> str | None:
             path.stat()  # a link that leads to itself neither exists nor can be made
         if path.is_dir():
             return "a folder of that name"
+        if path.is_fifo():
+            return "a named pipe"
         if path.exists():
             return None if os.access(path, os.W_OK) else "a file without permission to write"
         if not path.parent.is_dir():

@@ -9,7 +9,6 @@ import codecs
 import errno
 import io
 import os
-import select
 import shutil
 import stat
 import zipfile
@@ -23,8 +22,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 LARGEST_TEXT_BYTES = 64_000_000
-_LONGEST_STALL_S = 2.0
-"""of the reader of a pipe"""
 
 
 @contextmanager
@@ -33,16 +30,16 @@ def atomic_write(file: Path) -> Iterator[BinaryIO]:
 
     Until then, and after an exception or a crash, the file is unchanged. Several processes may
     write the same file; the last one to finish wins. A link stays one: the file that it leads to is
-    replaced. Devices, pipes, and files in a folder that takes no new ones are written in place.
+    replaced. /dev/stdout, and files in a folder that takes no new ones, are written in place.
 
     Raises:
-        OSError: the file cannot be written, or it is a pipe that is not read.
+        OSError: the file cannot be written.
     """
     target = Path(os.path.realpath(file))
     in_place = _is_written_in_place(file, target)
     written = file if in_place else target.with_name(f".{uuid4().hex}.part")
     try:
-        with _open_pipe(file) if file.is_fifo() else written.open("wb") as stream:
+        with written.open("wb") as stream:
             yield stream
         if not in_place:
             with suppress(OSError):  # there is none before, or it belongs to another user
@@ -70,34 +67,7 @@ def write_text(file: Path, text: str) -> None:
 def _is_written_in_place(file: Path, target: Path) -> bool:
     if file.absolute().parts[1:2] in (("dev",), ("proc",)):  # /dev/stdout may lead to a file
         return True
-    if not target.exists():
-        return False
-    return not (target.is_file() and os.access(target.parent, os.W_OK | os.X_OK))
-
-
-class _Pipe(io.FileIO):
-    """A pipe to write to; a reader that stalls is an error."""
-
-    _is_stalled = False
-
-    def write(self, data: Any) -> int:
-        while not self._is_stalled:
-            n_written: int | None = super().write(data)
-            if n_written is not None:
-                return n_written
-            _, ready, _ = select.select([], [self], [], _LONGEST_STALL_S)
-            self._is_stalled = not ready
-        raise OSError(errno.ETIMEDOUT, "a pipe that is not read")
-
-
-def _open_pipe(path: Path) -> BinaryIO:
-    try:
-        descriptor = os.open(path, os.O_WRONLY | os.O_CLOEXEC | os.O_NONBLOCK)
-    except OSError as error:
-        if error.errno != errno.ENXIO:
-            raise
-        raise OSError(errno.ENXIO, "a pipe that no process reads") from error
-    return io.BufferedWriter(_Pipe(descriptor, "wb"))
+    return target.exists() and not os.access(target.parent, os.W_OK | os.X_OK)
 
 
 class DamagedArchiveError(ValueError):

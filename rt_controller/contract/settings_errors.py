@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Callable, Container, Iterator, Mapping, Sequence
-from itertools import islice
+from itertools import filterfalse, islice
 from types import NoneType, UnionType
 from typing import Any, Union, get_args, get_origin
 
@@ -28,11 +28,13 @@ _EXPECTED = {
     "int_parsing_size": "an integer of fewer digits",
     **dict.fromkeys(("float_parsing", "float_type"), "a number"),
     **dict.fromkeys(("bool_parsing", "bool_type"), "true or false"),
-    **dict.fromkeys(("dict_type", "model_type", "model_attributes_type"), "a table"),
+    **dict.fromkeys(("dict_type", "model_type", "dataclass_type"), "a table"),
+    "model_attributes_type": "a table",
     **dict.fromkeys(("list_type", "tuple_type"), "a list"),
 }
 _LISTED_CHARACTERS, _TEXT_CHARACTERS = 60, 400
 """of a value that was found, and of one that is a text: a long path is shown whole"""
+_FIELD_FIRST = re.compile(r"[a-z_0-9]+(\[\d+\]\.[a-z_]+)?: expected")
 LISTED_ERRORS = 20
 """the first ones, which is enough of thousands: the hints take milliseconds each"""
 
@@ -49,20 +51,35 @@ def explain(refused: Any, name_of: Callable[[Location], str], table: Any = None)
     errors: dict[Location, list[Mapping[str, Any]]] = {}
     known: dict[Location, list[str]] = {}
     for error in refused.errors():
+        if error["type"] == "default_factory_not_called":  # of another field that is refused
+            continue
         place, known_here = _locate(tuple(error["loc"]), table)
         errors.setdefault(place, []).append(error)
         known[place] = known_here
     lines = [
-        explain_field(errors[place], name_of(place), known[place])
+        line
         for place in islice(errors, LISTED_ERRORS)
+        for line in _lines(errors[place], name_of(place), known[place])
     ]
-    return "\n".join((*lines, *unlisted(len(errors))))
+    if len(errors) > LISTED_ERRORS:
+        lines.append(f"… and {len(errors) - LISTED_ERRORS} more. Correct these first.")
+    return "\n".join(lines)
 
 
-def unlisted(errors: int) -> Iterator[str]:
-    """The line after the listed ones, if a file has more errors than are listed."""
-    if errors > LISTED_ERRORS:
-        yield f"… and {errors - LISTED_ERRORS} more. Correct these first."
+def is_tag(part: str | int) -> bool:
+    """True if a part of an error's place is no field: the chosen form of a value, or a key."""
+    return isinstance(part, str) and (part.startswith("(") or part == "[key]")
+
+
+def _lines(errors: Sequence[Mapping[str, Any]], name: str, known: list[str]) -> Iterator[str]:
+    """Several for a check of a whole table, which begins each line with the field."""
+    error = errors[0]
+    if error["type"] != "value_error" or not isinstance(error["input"], Mapping):
+        yield _explain_field(errors, name, known)
+        return
+    for line in str(error["ctx"]["error"]).splitlines():
+        separator = "" if not name else "." if _FIELD_FIRST.match(line) else ": "
+        yield f"{name}{separator}{line if line.endswith(':') else line.rstrip('.') + '.'}"
 
 
 def dotted(location: Location) -> str:
@@ -90,27 +107,32 @@ def with_options(message: str, options: Container[str]) -> str:
 
 def _locate(place: Location, table: Any) -> tuple[Location, list[str]]:
     """The place without the types of a union at its end, and the fields known beside it."""
+    named, place = any(map(is_tag, place)), tuple(filterfalse(is_tag, place))
     fields: dict[str, Any] = {}
     for depth, part in enumerate(place, 1):
-        known = getattr(table, "model_fields", {})
+        if isinstance(part, int) and get_origin(table) is tuple:
+            table = get_args(table)[0]
+            continue
+        known = getattr(table, "__pydantic_fields__", {})
         fields = {field.alias or name: field for name, field in known.items()}
         if part not in fields:
+            fields = {} if depth < len(place) else fields
             break
         table = fields[part].annotation
         if get_origin(table) in (Union, UnionType):
             table, *others = (member for member in get_args(table) if member is not NoneType)
             if others:
-                return place[:depth], sorted(fields)
+                return (place, []) if named else (place[:depth], sorted(fields))
     return place, sorted(fields)
 
 
-def explain_field(errors: Sequence[Mapping[str, Any]], name: str, known: list[str]) -> str:
+def _explain_field(errors: Sequence[Mapping[str, Any]], name: str, known: list[str]) -> str:
     """The line of a field; several errors are those of the types of a union."""
     texts = [_expected(error) for error in errors]
     # What is wrong with a value of the right type says more than the types themselves.
     error = errors[texts.index(None) if None in texts else 0]
     kind = error["type"]
-    if kind == "extra_forbidden":
+    if kind in ("extra_forbidden", "unexpected_keyword_argument"):
         near = hint(str(error["loc"][-1]), known)
         listed = f" Known: {', '.join(known)}." if known and not near else ""
         return f"{name}: no such setting{near}.{listed}"

@@ -7,7 +7,6 @@ from rt_controller.contract.arrays import Array
 from rt_controller.contract.kinematics import heading_change_rad, lateral_change_along_m
 from rt_controller.contract.limits import INPUT_LIMITS
 from rt_controller.contract.signals import (
-    N_INPUTS,
     N_STATES,
     ControlInput,
     StateColumn,
@@ -15,10 +14,8 @@ from rt_controller.contract.signals import (
 )
 from rt_controller.contract.timing import PERIOD_S
 from rt_controller.model.bundle import Bundle
-from rt_controller.model.dynamics import Step
+from rt_controller.model.roll_outs import STEPS, DrivenStep, OneStep, RollOuts
 
-STEPS = 10
-"""periods of the prediction whose error is the disturbance"""
 MOTION_GAIN = 0.12
 """share of what a prediction did not explain of v_y and yaw rate that becomes disturbance in one
 period; the faster, the sooner a model that is wrong about the gain of its steering oscillates"""
@@ -98,21 +95,22 @@ class Estimator:
     sensor.
     """
 
-    def __init__(self, bundle: Bundle, periods: int, motion_gain: float = MOTION_GAIN) -> None:
-        """`periods`: the longest prediction that `deviations` is asked for."""
-        self._step = Step(bundle)
+    def __init__(
+        self,
+        bundle: Bundle,
+        periods: int,
+        motion_gain: float = MOTION_GAIN,
+        step: OneStep | None = None,
+    ) -> None:
+        """`periods`: of the longest prediction asked of `deviations`; `step`: of the model."""
+        self.step = step or DrivenStep(bundle)
+        self._roll_outs = RollOuts(bundle.n_observables, self.step)
         self._response = DisturbanceResponse(max(periods, STEPS))
         self._low_pass = np.array(
             VehicleState(SPEED_GAIN, motion_gain, motion_gain, 0.0, PLACE_GAIN, PLACE_GAIN)
         )
-        self._psi = np.zeros((STEPS, bundle.n_observables))
-        self._inputs = np.ones(N_INPUTS + 2)
-        """inputs, curvature, and 1"""
         self._pedals = 0.0
         """throttle less brake, of their ranges, averaged over about ten periods"""
-        self._newest = 0
-        self._begun = 0
-        """roll-outs in a row without a gap between them"""
         self._is_advanced = False
         self._before: VehicleState | None = None
         self._offset = [0.0] * N_STATES
@@ -126,7 +124,7 @@ class Estimator:
 
     def forget(self) -> None:
         """A period is missing: the predictions end, and the disturbance stays."""
-        self._begun = 0
+        self._roll_outs.begun = 0
         self._is_advanced = False
 
     def reset(self) -> None:
@@ -165,7 +163,7 @@ class Estimator:
             self._before = measured
             return measured
         self._is_advanced = False
-        predicted = (self._psi[self._newest, :N_STATES] + self.disturbance).tolist()
+        predicted = (self._roll_outs.newest[:N_STATES] + self.disturbance).tolist()
         found = list(measured)
         self._correct(found, predicted, MOTION)
         now = VehicleState(*found)
@@ -195,9 +193,9 @@ class Estimator:
         pedals = applied.throttle - applied.brake_n / INPUT_LIMITS.upper.brake_n
         self._pedals += (pedals - self._pedals) / STEPS
         steady = 1.0 / (1.0 + ((pedals - self._pedals) / MOVED) ** 2)
-        oldest = (self._newest + 1) % STEPS
-        if self._begun >= STEPS:
-            error = psi[:N_STATES] - self._psi[oldest, :N_STATES]
+        roll_outs = self._roll_outs
+        if roll_outs.begun >= STEPS:
+            error = psi[:N_STATES] - roll_outs.oldest[:N_STATES]
             found = self._response.cause(STEPS, error, float(psi[StateColumn.vx_mps]))
             change = self._low_pass * (found - self.disturbance)
             change[StateColumn.vx_mps] *= steady
@@ -205,13 +203,6 @@ class Estimator:
             np.clip(
                 self.disturbance, -LARGEST_DISTURBANCE, LARGEST_DISTURBANCE, out=self.disturbance
             )
-        self._newest = oldest
-        self._psi[oldest] = psi
-        self._begun += 1
-        self._psi = self.step(self._psi, applied, curvature_per_m)
+        roll_outs.begin(psi)
+        roll_outs.advance(roll_outs.after(applied, curvature_per_m))
         self._is_advanced = True
-
-    def step(self, psi: Array, applied: ControlInput, curvature_per_m: float) -> Array:
-        """Lifted states (..., n) a period after psi (..., n), without the disturbance."""
-        self._inputs[:-1] = *applied, curvature_per_m
-        return self._step(psi, self._inputs)

@@ -65,7 +65,7 @@ class InputPlanner:
 
     def plan(
         self,
-        state: VehicleState,
+        x_0: VehicleState,
         curvature_per_m: float,
         path: PathReference,
         preview: CurvaturePreview | None,
@@ -80,7 +80,7 @@ class InputPlanner:
         """Lift the state, expand the reference, solve; or low-speed law; or hold the last plan.
 
         Args:
-            state: measured or estimated.
+            x_0: of `observe` in this tick.
             curvature_per_m: of the road at the car.
             path: to follow, as seen from the car.
             preview: curvature of the road ahead; None: constant.
@@ -93,22 +93,22 @@ class InputPlanner:
         """
         previous_law = self._low_speed.law
         slow_path = path._replace(v_mps=0.0, a_mps2=0.0) if stops else path
-        if self._low_speed.choose(state.vx_mps, slow_path, last.steer_rad) is not Mode.NOMINAL:
+        if self._low_speed.choose(x_0.vx_mps, slow_path, last.steer_rad) is not Mode.NOMINAL:
             slow = self._low_speed.control(
-                state, curvature_per_m, slow_path, last, under_way, preview
+                x_0, curvature_per_m, slow_path, last, under_way, preview
             )
             self._inputs[:], self.periods_held = slow, 0
             return PlannedInput(slow)
         if previous_law is not Mode.NOMINAL:
             self._mpc.resume(last)
         if of_car is not None:
-            self._mpc.assume_steady(state, curvature_per_m, of_car)
+            self._mpc.assume_steady(x_0, curvature_per_m, of_car)
         if steering_rate_radps < inf and under_way:
             last = last._replace(steer_rad=under_way[-1].steer_rad)
         # A wheel that was turned further at a lower speed returns with its rate.
         most_rad = max(self._low_speed.most_plan_rad, abs(last.steer_rad))
         self._mpc.limit_steering(most_rad, steering_rate_radps)
-        status = self._mpc.plan(state, curvature_per_m, path, last, preview, under_way)
+        status = self._mpc.plan(x_0, curvature_per_m, path, last, preview, under_way)
         is_solved = status is SolveStatus.SOLVED
         if is_solved:
             self._inputs[:], self.periods_held = self._mpc.inputs, 0
@@ -131,8 +131,8 @@ class InputPlanner:
 
     def observe(
         self, state: VehicleState, applied: ControlInput, *, is_driven: bool, continues: bool
-    ) -> None:
-        """Take the measured state of this period and the input that acted until now.
+    ) -> VehicleState:
+        """x_0 of this period, from its measured state and the input that acted until now.
 
         `is_driven`: this program drives the car. `continues`: no period lies between the last state
         and this one, and the input is known.
@@ -144,10 +144,10 @@ class InputPlanner:
             self._mpc.reset()
         if self._low_speed.law is not Mode.NOMINAL:
             self._mpc.forget()  # the model has no data of so slow a car
-        self._mpc.observe(state, applied)
         self._low_speed.observe(state, applied)
+        return self._mpc.observe(state, applied)
 
-    def observe_estimate(self, state: VehicleState, applied: ControlInput) -> None:
+    def observe_estimate(self, state: VehicleState, applied: ControlInput) -> VehicleState:
         """The same with an estimated state, for a stop."""
-        self._mpc.observe_estimate(state, applied)
         self._low_speed.forget()
+        return self._mpc.observe_estimate(state, applied)

@@ -172,11 +172,6 @@ class History:
         self._rows = rows
         self._present: VehicleState | None = None
 
-    @property
-    def is_begun(self) -> bool:
-        """True if a state was observed since the start or the last `forget`."""
-        return self._present is not None
-
     def advance(self, state: VehicleState, held: ControlInput) -> None:
         """Add the present `state`; `held` was applied in the period that ended here."""
         begin = self._present or state

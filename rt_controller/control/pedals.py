@@ -24,8 +24,6 @@ class Pedal(IntEnum):
     BRAKE = InputColumn.brake_n
 
 
-WITH_PEDAL = {p: slice(p, InputColumn.steer_rad + 1, InputColumn.steer_rad - p) for p in Pedal}
-"""columns of one pedal and the steering"""
 CHANGE_MPS2 = 0.25
 """acceleration beyond that of released pedals for which the other pedal is taken: the hysteresis"""
 
@@ -56,11 +54,6 @@ class PedalChoice:
         self.pedal = Pedal.BRAKE if previous.brake_n > 0.0 else Pedal.THROTTLE
         self.ticks_until_pressed = 0
 
-    def used_inputs(self, previous: Array) -> slice:
-        """Columns of the inputs that are not bound to zero, after the input `previous` (3,)."""
-        released = Pedal.BRAKE if self.pedal is Pedal.THROTTLE else Pedal.THROTTLE
-        return slice(None) if previous[released] > 0.0 else WITH_PEDAL[self.pedal]
-
     def _change_to(self, pedal: Pedal) -> None:
         self.pedal = pedal
         self.ticks_until_pressed = _CHANGE_TICKS
@@ -72,7 +65,7 @@ def limit_pedals(
     choice: PedalChoice,
     previous: Array,
     slew: Array,
-    most: Sequence[float] = (1.0, 1.0),
+    most: Sequence[float] | Array = (1.0, 1.0),
 ) -> None:
     """Set the upper bounds of both pedals at the knots of the horizon, in place.
 

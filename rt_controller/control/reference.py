@@ -11,7 +11,7 @@ from rt_controller.contract.signals import (
     VehicleState,
 )
 from rt_controller.contract.timing import PERIOD_S
-from rt_controller.control.terms import Knots
+from rt_controller.control.knots import Knots
 
 _POWERS = 4
 _OF_RAMPS = np.array([[1.0 / 6.0], [1.0 / 2.0], [1.0]])

@@ -56,9 +56,7 @@ MISSION_ID = 1
 class CarEnd:
     """Frames of the car in, frames of the contract out, and the reverse for commands."""
 
-    def __init__(
-        self, car: CarFile, lateral_speed: LateralSpeed, bus: SendingBus, is_fd: bool = False
-    ) -> None:
+    def __init__(self, car: CarFile, lateral_speed: LateralSpeed, bus: SendingBus) -> None:
         """Find every signal in the DBC; `bus` receives the frames of the contract.
 
         Raises:
@@ -77,9 +75,8 @@ class CarEnd:
         if car.line is not None and mapping.pose is not None and "ey_m" not in mapping.states:
             self._place = PlaceOnLine(car.line, mapping.pose.farthest_m)
         self._lateral_speed = lateral_speed
-        self._inbox = Inbox(Node.VEHICLE, is_fd=is_fd)
-        self._outbox = Outbox(bus, Node.VEHICLE, is_fd=is_fd)
-        self._is_fd = is_fd
+        self._inbox = Inbox(Node.VEHICLE)
+        self._outbox = Outbox(bus, Node.VEHICLE)
         self._foreign_commands = 0
         self._history = MotionHistory()
         self._ticks = 0
@@ -127,6 +124,14 @@ class CarEnd:
     def foreign_frames(self) -> int:
         """Frames of this gateway's messages that another node has sent, on either bus."""
         return self._foreign_commands + self._inbox.foreign_frames
+
+    @property
+    def message_of_two(self) -> str:
+        """What is wrong with a message of the car that two nodes send; empty: there is none."""
+        for name, source in self.reader.sources.items():
+            if len(self.reader.counts[source.message.name].sources) > 1:
+                return ". ".join(self.reader.objection(name))
+        return ""
 
     def follows(self, now_ns: int) -> bool | None:
         """Whether the car reports that it follows the commands; None: not known.
@@ -188,7 +193,7 @@ class CarEnd:
             send(MISSION, mission, now_ns)
         self._mission = mission
         if tick % IDENT_PERIOD_TICKS == 0:
-            send(VEHICLE_IDENTITY, own_identity(None, self._is_fd), now_ns)
+            send(VEHICLE_IDENTITY, own_identity(None), now_ns)
         self.refusals = NO_REFUSAL
         self._ticks += 1
 

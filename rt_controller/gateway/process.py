@@ -13,9 +13,9 @@ import can
 
 from rt_controller.bus.messages import Command
 from rt_controller.bus.receive import Received
+from rt_controller.contract.braking import BRAKE_RATE_N_PER_S, stop_speed_mps
 from rt_controller.contract.car import DEFAULT_CAR, Car
 from rt_controller.contract.errors import BusError
-from rt_controller.contract.limits import BRAKE_RATE_N_PER_S, stop_speed_mps
 from rt_controller.contract.signals import NEUTRAL_INPUT, ControlInput, Mode
 from rt_controller.contract.timing import (
     COMMAND_TIMEOUT_NS,
@@ -30,8 +30,8 @@ from rt_controller.mapping.car_file import CarFile
 from rt_controller.mapping.signal_frames import MAX_FRAMES
 from rt_controller.realtime.clock import RealtimeClock
 from rt_controller.safety.envelope import limit
-from rt_controller.safety.fallback import ALONG_PATH, Braking, safe_stop, stand_by
 from rt_controller.safety.modes import STANDING_MPS
+from rt_controller.safety.stop import ALONG_PATH, Braking, safe_stop, stand_by
 from rt_controller.vehicle.braking_cause import BrakingCause
 from rt_controller.vehicle.path_steering import largest_brake_n, steer_along
 from rt_controller.vehicle.vehicle_envelope import (
@@ -84,20 +84,18 @@ class Gateway:
         bus: can.BusABC,
         car: CarFile,
         lateral_speed: LateralSpeed,
-        is_fd: bool = False,
         description: Car = DEFAULT_CAR,
     ) -> None:
         """Nothing is sent yet.
 
         Args:
-            car_bus: with the car's own messages; always classic CAN.
-            bus: with those of the contract, in frames of CAN FD if `is_fd`.
+            car_bus: with the car's own messages.
+            bus: with those of the contract.
             car: its mapping.
             lateral_speed: estimates v_y where the car does not send it.
-            is_fd: see `bus`.
             description: of the car.
         """
-        self.car_end = CarEnd(car, lateral_speed, bus, is_fd)
+        self.car_end = CarEnd(car, lateral_speed, bus)
         self.counts = GatewayCounts()
         self._car_bus = car_bus
         self._bus = bus
@@ -155,13 +153,19 @@ class Gateway:
             self.car_end.accept(frame, now_ns - age_ns)
 
     def require_alone(self) -> None:
-        """Return if no other node sends the messages of this one, or the car is driven.
+        """Return if each message has one sender, or the car is driven.
 
         A driven car is braked.
 
         Raises:
-            BusError: another node does, such as a second gateway or a simulated car.
+            BusError: another node does, such as a second gateway or a simulated car; or two nodes
+                send one message of the car.
         """
+        if self.car_end.message_of_two and self._mode is Mode.STANDBY:
+            raise BusError(
+                f"Expected one sender of each message of the car, found "
+                f"{self.car_end.message_of_two}."
+            )
         if self.car_end.foreign_frames and self._mode is Mode.STANDBY:
             raise BusError(
                 f"Expected that only this gateway sends the messages of the vehicle and the "
@@ -244,7 +248,7 @@ class Gateway:
             return BrakingCause.NO_COMMAND
         if self.car_end.follows(now_ns) is None:
             return BrakingCause.CAR_UNKNOWN
-        if self.car_end.foreign_frames:
+        if self.car_end.foreign_frames or self.car_end.message_of_two:
             return BrakingCause.SECOND_SENDER
         command = self.car_end.command
         if command is not None and not self._has_driver(now_ns):

@@ -8,9 +8,8 @@ from typing import NamedTuple
 from rt_controller.contract.timing import PERIOD_S
 from rt_controller.mapping.car_file import Source
 from rt_controller.mapping.slots import Slot
+from rt_controller.mapping.tables import LONGEST_GAP_PERIODS
 
-LONGEST_GAP_PERIODS = 3.5
-"""longest gap in cycle times of the DBC: two lost samples are bridged, as in offline-import"""
 LONGEST_GAP_S = 0.1
 """of a message without a cycle time"""
 SLOPE_WINDOW_S, LARGEST_MPS2 = 0.5, 3.0

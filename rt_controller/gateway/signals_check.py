@@ -1,6 +1,6 @@
 """`rt-controller signals check`: which mapped signals arrive, and do they contradict each other."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from itertools import pairwise
 from math import inf, isnan
@@ -8,27 +8,23 @@ from statistics import median
 from typing import Any
 
 from rt_controller.gateway.samples import longest_gap_s
-from rt_controller.gateway.signal_relations import (
-    COMMANDED,
-    ENGAGE,
-    NOT_COMPARED,
-    Track,
-    check_relations,
-    is_contradiction,
-)
 from rt_controller.mapping.can_log import LoggedFrame, read_samples
 from rt_controller.mapping.car_file import CarFile
 from rt_controller.mapping.measurement import ALLOWED_UNUSABLE_SHARE
+from rt_controller.mapping.relations import (
+    COMMANDED,
+    ENGAGE,
+    HELP,
+    NOT_COMPARED,
+    Comparison,
+    check_relations,
+    relations_of,
+)
 from rt_controller.mapping.signal_frames import SignalReader
 from rt_controller.mapping.slots import Slot, command_slots, measured_slots
 
 BIT_RATE = 500_000
 """of the bus whose load is given"""
-HELP = (
-    "A wrong column, unit, factor or sign of one signal contradicts in every relation that it is "
-    "part of (of the wheel also a wrong geometry in [car]): correct the signal that all of them "
-    "share first"
-)
 
 
 @dataclass(slots=True)
@@ -64,7 +60,7 @@ class CheckReport:
     bus_load_percent: float
     """see `BusLoad`"""
     slots: list[SlotReport]
-    relations: dict[str, str]
+    relations: dict[str, Comparison]
     """whether they contradict kinematics, see `check_relations`"""
     dropped: dict[str, int]
     """frames by message that were damaged or repeated"""
@@ -72,7 +68,7 @@ class CheckReport:
     @property
     def is_ok(self) -> bool:
         """True if every signal arrives and no relation is contradicted."""
-        is_contradicted = any(is_contradiction(each) for each in self.relations.values())
+        is_contradicted = any(each.is_contradicted for each in self.relations.values())
         return all(each.ok for each in self.slots) and not is_contradicted
 
     def figures(self) -> dict[str, Any]:
@@ -85,14 +81,14 @@ class CheckReport:
             "bit_rate_per_s": BIT_RATE,
             "signals": [asdict(each) for each in self.slots],
             "contradictions": [
-                {"problem": f"{text}: {answer}", "remedy": HELP}
-                for text, answer in self.relations.items()
-                if is_contradiction(answer)
+                {"problem": f"{text}: {found.answer}", "remedy": HELP}
+                for text, found in self.relations.items()
+                if found.is_contradicted
             ],
             "not_compared": [
-                f"{text} ({answer.removeprefix(NOT_COMPARED)})"
-                for text, answer in self.relations.items()
-                if answer.startswith(NOT_COMPARED)
+                f"{text} ({found.answer.removeprefix(NOT_COMPARED)})"
+                for text, found in self.relations.items()
+                if found.answer.startswith(NOT_COMPARED)
             ],
             "dropped_frames": self.dropped,
         }
@@ -142,7 +138,7 @@ def check_signals(
             *(_report(slot, tracks[slot.name], begin_s, reader, load.frames) for slot in slots),
             *_damaged_commands(command_slots(mapping), reader),
         ],
-        check_relations(usable, mapping.car.car.geometry if mapping.car else None),
+        check_relations(usable, relations_of(mapping.car.car.geometry if mapping.car else None)),
         {name: count for name, count in dropped.items() if count},
     )
 
@@ -190,7 +186,11 @@ class BusLoad:
 
 
 def _report(
-    slot: Slot, whole: Track, begin_s: float, reader: SignalReader, frames: int
+    slot: Slot,
+    whole: Sequence[tuple[float, float]],
+    begin_s: float,
+    reader: SignalReader,
+    frames: int,
 ) -> SlotReport:
     source = reader.sources[slot.name]
     message = source.message

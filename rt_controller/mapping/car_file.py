@@ -39,6 +39,8 @@ class CarDatabase(Database):
         super().__init__(messages)
         self.defects = {each.message: each for each in defects}
         """by name of the message"""
+        self.is_fd = any(message.is_fd for message in messages)
+        """the bus of the car carries frames of CAN FD"""
         self.note = ""
         """one line for the user if there are defects"""
         if defects:

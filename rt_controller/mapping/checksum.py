@@ -4,12 +4,13 @@ Where a checksum is, and what its value is.
 """
 
 from collections.abc import Iterator
-from functools import cache, reduce
+from functools import reduce
 from operator import xor
 from typing import NamedTuple
 
 from cantools.database.can import Signal
 
+from rt_controller.contract.crc8 import crc8_table
 from rt_controller.contract.errors import ConfigError
 from rt_controller.mapping.tables import CHECKSUM_LIMIT, Checksum
 
@@ -95,15 +96,5 @@ def _nibbles(data: bytes) -> Iterator[int]:
 
 def _crc8(polynomial: int, start: int, data: bytes) -> int:
     """Not reflected."""
-    table = _table(polynomial)
+    table = crc8_table(polynomial)
     return reduce(lambda crc, byte: table[crc ^ byte], data, start)
-
-
-@cache
-def _table(polynomial: int) -> bytes:
-    def shifted(byte: int) -> int:
-        for _ in range(8):
-            byte = (byte << 1) ^ (polynomial if byte & 0x80 else 0)
-        return byte & 0xFF
-
-    return bytes(map(shifted, range(256)))

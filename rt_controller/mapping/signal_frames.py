@@ -60,8 +60,8 @@ class ReadCounts:
     """same counter as the frame before; dropped"""
     lost: int = 0
     """missing between two counters"""
-    sources: frozenset[int] = frozenset()
-    """addresses that send a message with source = "any" """
+    sources: tuple[int, ...] = ()
+    """addresses that send a message with source = "any"; only frames of the first are read"""
 
 
 class _Field(Measurement):
@@ -96,8 +96,8 @@ class _Frame:
         self.raws: dict[str, float] = {}
         """of every signal of a frame that is sent"""
         self.counts = ReadCounts()
-        self.last: dict[int, int] = {}
-        """counter of the newest frame that was read, by identifier"""
+        self.last: int | None = None
+        """counter of the newest frame that was read"""
         self.counter: Signal | None = None
         self.place: Place | None = None
         """of the checksum"""
@@ -240,16 +240,21 @@ class SignalReader:
         if known.place and known.place.read(data) != known.checksum(identifier, data, number):
             counts.wrong_checksum += 1
             return None
+        if known.settings.source == "any":
+            address = identifier & 0xFF
+            if address not in counts.sources:
+                counts.sources += (address,)
+            if address != counts.sources[0]:
+                return None
         if counter is not None and counted is not None:
-            step = (number - known.last.get(identifier, number - 1)) % counts_to(counter)
+            last = number - 1 if known.last is None else known.last
+            step = (number - last) % counts_to(counter)
             if step == 0:
                 counts.repeated += 1
                 return None
             counts.lost += step - 1
-            known.last[identifier] = number
+            known.last = number
         counts.accepted += 1
-        if known.settings.source == "any":
-            counts.sources |= {identifier & 0xFF}
         numbers = {}
         for field in known.fields:
             found = (raws.get(part.name) for part in field.parts)
@@ -331,8 +336,14 @@ class SignalWriter:
         data = bytearray(message.encode(raws, scaling=False, strict=False))
         if frame.place is not None:
             frame.place.write(data, frame.checksum(number, data, counter))
-        is_extended = message.is_extended_frame
-        return can.Message(0.0, number, is_extended, is_rx=False, data=data, check=True)
+        return can.Message(
+            arbitration_id=number,
+            is_extended_id=message.is_extended_frame,
+            is_fd=message.is_fd,
+            is_rx=False,
+            data=data,
+            check=True,
+        )
 
 
 def _located(
@@ -407,10 +418,10 @@ def _require_sendable(frame: _Frame) -> None:
             f"{', '.join(settings.driving) or 'none'} and {', '.join(settings.standby) or 'none'}. "
             f"Write every signal in both."
         )
-    if message.is_fd or message.length > 8:
+    if message.length > 8 and not message.is_fd:
         raise ConfigError(
             f"{message.name}: expected a classic CAN frame of at most 8 bytes, found "
-            f"{message.length}. Commands go out in classic frames only."
+            f"{message.length}. Give a message of CAN FD the VFrameFormat of CAN FD in the DBC."
         )
 
 

@@ -88,6 +88,8 @@ CHECKSUM_PARAMETERS = {
     **dict.fromkeys(("sum8", "sum4"), _OF_SUMS),
 }
 """by kind, beside those of all"""
+LONGEST_GAP_PERIODS = 3.5
+"""longest gap in cycle times of the DBC or usual sampling periods: two lost samples are bridged"""
 
 
 class MappingTable(BaseModel):
@@ -305,7 +307,7 @@ class MessageMapping(MappingTable):
     checksum: Checksum | None = None
     source: Literal["any"] | Byte | None = None
     """source address of a J1939 message, the lowest 8 bits of its identifier; None: as in the DBC,
-    "any": all are read, and that of the DBC is sent"""
+    "any": the first that is heard is read, and that of the DBC is sent"""
     driving: dict[str, FiniteFloat] = Field(default_factory=dict)
     """other signals of a message with commands, while the controller drives or brakes the car"""
     standby: dict[str, FiniteFloat] = Field(default_factory=dict)

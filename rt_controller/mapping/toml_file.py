@@ -26,7 +26,7 @@ def parse(
 ) -> T:
     """The content of a TOML file, checked against `schema`; `context` is for its validators.
 
-    `remedies` has sentences by the names of fields that may be in a wrong section.
+    `remedies` has a sentence by the name of a field, for a line that finds it out of its place.
 
     Raises:
         ConfigError: the text is no TOML, or fields are missing, unknown or out of their limits; the
@@ -38,16 +38,27 @@ def parse(
         raise ConfigError(
             f"{where}: expected a TOML file, found an error: {error}. Correct the file."
         ) from error
+    return checked(raw, schema, where, context, remedies)
+
+
+def checked(
+    raw: Mapping[str, Any],
+    schema: TypeAdapter[T],
+    where: str,
+    context: object = None,
+    remedies: Mapping[str, str] = MappingProxyType({}),
+) -> T:
+    """The same of content that is read already."""
     try:
         return schema.validate_python(raw, context=context)
     except ValidationError as error:
-        first = error.errors()[0]
         explained = explain(error, dotted, getattr(schema, "_type", None))
-        if not first["loc"] and "error" in first.get("ctx", {}):  # it names several fields itself
-            explained = str(first["ctx"]["error"])
         for name, remedy in remedies.items():
-            misplaced = rf"^(\S+\.{name}: no such setting.*)$"
+            misplaced = rf"^((?:\S+\.)?{name}: no such setting.*)$"
             explained = re.sub(misplaced, rf"\1 {remedy}", explained, flags=re.MULTILINE)
-        lines = explained.splitlines()
-        listed = f" {lines[0]}" if len(lines) == 1 else "".join(f"\n  {line}" for line in lines)
-        raise ConfigError(f"{where}:{listed}") from error
+        raise ConfigError(listed(where, explained.splitlines())) from error
+
+
+def listed(where: str, lines: list[str]) -> str:
+    """One line, or one below `where` for each of several."""
+    return f"{where}: {lines[0]}" if len(lines) == 1 else "\n  ".join([f"{where}:", *lines])

@@ -141,6 +141,15 @@ class Step:
                 following[..., PATH_STATES] = path_after(moved, curvature, path)
         return following
 
+    def values(self, psi: Array) -> tuple[Array, Array]:
+        """t (..., q) of each gain at psi (..., n), and its derivative dt/da."""
+        t = psi @ self.S.T + self.s0
+        slope = np.ones(t.shape)
+        saturating = t[..., self.first_saturating :]
+        np.tanh(saturating, out=saturating)
+        slope[..., self.first_saturating :] -= np.square(saturating)
+        return t, slope
+
     def _linear_and_gains(self, psi: Array, inputs: Array, followed: Array | None) -> Array:
         mapped: Array = psi @ self._by_psi + inputs @ self._by_inputs
         if self.count == 0:

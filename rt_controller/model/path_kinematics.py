@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rt_controller.contract.arrays import Array
-from rt_controller.contract.signals import StateColumn
+from rt_controller.contract.signals import PATH_STATES, StateColumn
 
 _SMALLEST_TURN = 1e-6
 """of the road in rad; below it arc and tangent have the same length"""
@@ -116,6 +116,7 @@ class PathDerivatives:
 
     def __init__(self, movement: Movement, columns: Sequence[int], periods: int) -> None:
         """`columns` of the path states that are needed: e_y, e_psi, perhaps Δs."""
+        self._movement = movement
         unit = np.eye(movement.S.shape[1])
         place = unit[[StateColumn.ey_m, StateColumn.epsi_rad]]
         self.S = np.tile(np.vstack([movement.S, place]), (len(columns), 1))
@@ -125,6 +126,11 @@ class PathDerivatives:
         self._rows = {c: i for i, c in enumerate(columns)}
         self._values = np.zeros((periods, len(columns), 5))
         self._by_curvature = np.zeros((periods, len(columns), 5))
+
+    def along(self, psi: Array, curvature_per_m: float) -> tuple[Array, Array]:
+        """W (K, q), and derivatives (K, q) by the curvature, along lifted states (K + 1, n)."""
+        moved = psi[:-1] @ self._movement.S.T + self._movement.s0
+        return self.at(moved, curvature_per_m, psi[:, PATH_STATES])
 
     def at(self, moved: Array, curvature_per_m: float, path: Array) -> tuple[Array, Array]:
         """W (K, q), and derivatives (K, q) by the curvature, for K periods.

@@ -10,6 +10,7 @@ from rt_controller.contract.errors import ArtifactError
 from rt_controller.contract.signals import PATH_STATES, VEHICLE
 from rt_controller.model.bundle import Bundle
 from rt_controller.model.dynamics import Shape, no_gains
+from rt_controller.model.follow import Follow
 from rt_controller.model.validity import CONDITIONS
 
 DRIVABLE_HISTORY = ("vx_mps", "vy_mps", "yaw_rate_radps", "throttle", "brake_n", "steer_rad")
@@ -152,17 +153,19 @@ def require_drivable(bundle: Bundle) -> None:
 def find_objection_to_driving(bundle: Bundle) -> str | None:
     """The reason why the controller cannot drive the car with this model; None if it can."""
     found, expected, history = bundle.schema, VEHICLE, bundle.lift.history_fields
+    follows = Follow.PREDICTION if bundle.gains is None else bundle.gains.follows
     for what, theirs, ours in (
         ("states", found.states, expected.states),
         ("inputs", found.inputs, expected.inputs),
         ("exogenous signals", found.exogenous, expected.exogenous),
         ("period in s", found.dt_s, expected.dt_s),
         ("history_fields", str(history), str(DRIVABLE_HISTORY if history else ())),
+        ("gains_follows", follows, Follow.PREDICTION),
     ):
         if theirs != ours:
             return (
-                f"The model {bundle.name!r} is not a model of this car: expected {what} = "
-                f"{_plain(ours)}, found {_plain(theirs)}. It can be evaluated, but not driven with."
+                f"The model {bundle.name!r} cannot drive this car: expected {what} = "
+                f"{_plain(ours)}, found {_plain(theirs)}. It can be evaluated."
             )
     return None
 

@@ -1,11 +1,10 @@
 """Time-keeping of the loop: measures each tick, records it, and explains a late one."""
 
 import os
-import resource
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from enum import StrEnum
-from math import ceil, log
 from typing import NamedTuple
 
 import numpy as np
@@ -50,115 +49,62 @@ class TickTimes(NamedTuple):
     """0: no QP was solved"""
 
 
-_FIRST_LINE_BYTES = 256
-_STEAL_COLUMN = 8
-"""of the first line of /proc/stat: time that the host gave to other machines"""
-
-
 class LateCause(StrEnum):
     """What took most of a late tick's time."""
 
     HOST = (
-        "this process was stopped, or this machine did not run: the host ran others (steal), or a "
-        "deep sleep state"
+        "this process was stopped, or this machine did not run: the host ran others, or a deep "
+        "sleep state"
     )
     PREEMPTED = "another thread had the core"
-    PAGE_FAULT = "memory had to be read from disk"
     SOLVER = "the QP took long"
-    BUS = "reading or sending frames took long"
-    CHECKING = "the plausibility checks took long"
-    COMPUTING = "the rest of the step took long"
-    PREPARING = "the preparation of its plan was not done in time"
-    OVERRUN = "the step before it took too long"
-
-
-class Counts(NamedTuple):
-    """What the kernel counted for one thread and its machine between two readings."""
-
-    waited_ns: int
-    """time in which the thread was ready to run, but another one ran"""
-    major_faults: int
-    steal_ticks: int
-    """of the machine"""
+    COMPUTING = "the rest of the step, its preparation, or the step before it took long"
 
 
 class KernelCounters:
-    """Reads the counters of the thread that created it; a reading takes a few microseconds.
+    """Reads how long the thread that created it was ready to run while another one ran.
 
-    A counter that the system does not have (no /proc) stays zero.
+    A reading takes a few microseconds. Always 0 on a system without /proc.
     """
 
     def __init__(self) -> None:
-        self._schedstat = _open("/proc/thread-self/schedstat")
-        self._stat = _open("/proc/stat")
-        self._last = self._read()
+        self._file: int | None = None
+        with suppress(OSError):
+            self._file = os.open("/proc/thread-self/schedstat", os.O_RDONLY | os.O_CLOEXEC)
+        self._waited_ns = self._read()
 
-    def since_last(self) -> Counts:
-        """The counts since the last call, or since the start."""
-        last, self._last = self._last, self._read()
-        return Counts(*(new - old for new, old in zip(self._last, last, strict=True)))
+    def waited_ns(self) -> int:
+        """Time since the last call, or since the start."""
+        last_ns, self._waited_ns = self._waited_ns, self._read()
+        return self._waited_ns - last_ns
 
-    def _read(self) -> Counts:
-        schedstat, stat = _first_line(self._schedstat), _first_line(self._stat)
-        return Counts(
-            waited_ns=int(schedstat[1]) if len(schedstat) > 1 else 0,
-            major_faults=resource.getrusage(resource.RUSAGE_THREAD).ru_majflt,
-            steal_ticks=int(stat[_STEAL_COLUMN]) if len(stat) > _STEAL_COLUMN else 0,
-        )
+    def _read(self) -> int:
+        return 0 if self._file is None else int(os.pread(self._file, 64, 0).split()[1])
 
     def close(self) -> None:
-        for file in (self._schedstat, self._stat):
-            if file is not None:
-                os.close(file)
+        if self._file is not None:
+            os.close(self._file)
 
 
-def late_cause(counts: Counts, times: TickTimes) -> LateCause:
-    """What took most of a tick's time; `counts` are those of the tick."""
-    if counts.major_faults > 0:
-        return LateCause.PAGE_FAULT
-    if counts.steal_ticks > 0:
-        return LateCause.HOST
+def late_cause(waited_ns: int, times: TickTimes) -> LateCause:
+    """What took most of a tick's time, in which the thread waited so long for its core."""
     computed_us = min(times.cpu_us, times.step_us)
-    waited_us = counts.waited_ns / 1e3
-    own_us = computed_us + times.preparation_late_us + times.overrun_us
-    bus_us = times.receive_us + times.send_us
+    before_us, waited_us = times.preparation_late_us + times.overrun_us, waited_ns / 1e3
     shares_us = {
-        LateCause.HOST: times.wake_us + times.step_us - own_us - waited_us,
-        LateCause.PREPARING: times.preparation_late_us,
-        LateCause.OVERRUN: times.overrun_us,
+        LateCause.HOST: times.wake_us + times.step_us - computed_us - before_us - waited_us,
         LateCause.PREEMPTED: waited_us,
         LateCause.SOLVER: min(times.qp_us, computed_us),
-        LateCause.BUS: min(bus_us, computed_us),
-        LateCause.CHECKING: min(times.check_us, computed_us),
-        LateCause.COMPUTING: computed_us - times.qp_us - bus_us - times.check_us,
+        LateCause.COMPUTING: computed_us - times.qp_us + before_us,
     }
     return max(shares_us, key=lambda cause: shares_us[cause])
 
 
-def _open(path: str) -> int | None:
-    try:
-        return os.open(path, os.O_RDONLY | os.O_CLOEXEC)
-    except OSError:
-        return None
-
-
-def _first_line(file: int | None) -> list[bytes]:
-    return [] if file is None else os.pread(file, _FIRST_LINE_BYTES, 0).split(b"\n")[0].split()
-
-
-SOLVE_FIELDS = frozenset({"plan_us", "qp_us", "qp_iterations"})
+_OF_SOLVES = frozenset({"plan_us", "qp_us", "qp_iterations"})
 """counted only for the ticks that solved a QP"""
 
 
-LOWEST = 0.1
-HIGHEST = 1e9
-BUCKET_RATIO = 1.01
-"""upper edge of a bucket divided by its lower edge"""
-_BUCKETS_PER_E_FOLD = 1.0 / log(BUCKET_RATIO)
-
-
 class Percentiles(NamedTuple):
-    """Percentiles of one quantity over the run; zeros if nothing was recorded."""
+    """Percentiles of one quantity; zeros if nothing was recorded."""
 
     p50: float
     p99: float
@@ -167,40 +113,16 @@ class Percentiles(NamedTuple):
     mean: float
 
 
-class Histogram:
-    """Counts of values in buckets one per cent wide, and the largest value of each bucket.
-
-    A percentile is a value that was recorded, at most 1 % above the exact one; the maximum is
-    exact. Values below `LOWEST` share the first bucket.
-    """
-
-    def __init__(self) -> None:
-        buckets = ceil(log(HIGHEST / LOWEST) * _BUCKETS_PER_E_FOLD) + 2
-        self._counts = np.zeros(buckets, dtype=np.int64)
-        self._largest = np.zeros(buckets)
-        self._total = 0.0
-
-    def add(self, value: float) -> None:
-        """Count one value."""
-        if value <= LOWEST:
-            bucket = 0
-        elif value < HIGHEST:
-            bucket = 1 + int(log(value / LOWEST) * _BUCKETS_PER_E_FOLD)
-        else:
-            bucket = len(self._counts) - 1
-        self._counts[bucket] += 1
-        self._total += value
-        self._largest[bucket] = max(self._largest[bucket], value)
-
-    def percentiles(self) -> Percentiles:
-        cumulative = np.cumsum(self._counts)
-        total = int(cumulative[-1])
-        if total == 0:
-            return Percentiles(0.0, 0.0, 0.0, 0.0, 0.0)
-        # The smallest value with at least so many per mille of all values at or below it.
-        ranks = [-(-total * per_mille // 1000) for per_mille in (500, 990, 999, 1000)]
-        p50, p99, p999, most = self._largest[np.searchsorted(cumulative, ranks)].tolist()
-        return Percentiles(p50, p99, p999, most, self._total / total)
+def percentiles_of(times: Array, field: str) -> Percentiles:
+    """Percentiles of a column of times (ticks, fields); each is a value that was recorded."""
+    values = times[:, TickTimes._fields.index(field)]
+    if field in _OF_SOLVES:
+        values = values[times[:, TickTimes._fields.index("qp_iterations")] > 0.0]
+    if not len(values):
+        return Percentiles(0.0, 0.0, 0.0, 0.0, 0.0)
+    found = np.quantile(values, (0.5, 0.99, 0.999, 1.0), method="inverted_cdf")
+    p50, p99, p999, most = found.tolist()
+    return Percentiles(p50, p99, p999, most, float(values.mean()))
 
 
 class WorstTick(NamedTuple):
@@ -213,7 +135,7 @@ class WorstTick(NamedTuple):
 
 
 class DeadlineAccount:
-    """Percentiles and counts over all ticks, and the times of the last `capacity` ticks.
+    """Counts over all ticks, and the times of the last `capacity` ticks with their percentiles.
 
     A tick misses its deadline if its frames are sent later than `deadline_ns` after its scheduled
     instant. Skipped ticks are counted separately: they sent no frames.
@@ -221,7 +143,6 @@ class DeadlineAccount:
 
     def __init__(self, capacity: int, deadline_ns: int) -> None:
         self._times = np.zeros((capacity, len(TickTimes._fields)))
-        self._histograms = [Histogram() for _ in TickTimes._fields]
         self._deadline_ns = deadline_ns
         self.ticks = 0
         self.deadline_misses = 0
@@ -239,9 +160,6 @@ class DeadlineAccount:
         loop's clock: simulated time has no lateness.
         """
         self._times[self.ticks % self._times.shape[0]] = times
-        for field, value, histogram in zip(TickTimes._fields, times, self._histograms, strict=True):
-            if times.qp_iterations > 0.0 or field not in SOLVE_FIELDS:
-                histogram.add(value)
         self.ticks += 1
         self.skipped_ticks += skipped
         self.missed_last = sent_after_ns > self._deadline_ns
@@ -255,7 +173,8 @@ class DeadlineAccount:
             self.worst = WorstTick(self.ticks - 1, late_us, cause)
 
     def percentiles(self, field: str) -> Percentiles:
-        return self._histograms[TickTimes._fields.index(field)].percentiles()
+        """Of the last `capacity` ticks."""
+        return percentiles_of(self._times[: self.ticks], field)
 
     def last(self) -> Array:
         """(ticks, fields) times of the last ticks, oldest first; columns as `TickTimes`."""
@@ -354,7 +273,7 @@ class TickTimer:
         self._last_sent_at_ns = sent_at_ns
         self._read_ahead_ns = self._preparation_ns = self._preparation_cpu_ns = 0
         counters = self._kernel_counters
-        cause = None if counters is None else late_cause(counters.since_last(), times)
+        cause = None if counters is None else late_cause(counters.waited_ns(), times)
         self._account.record(times, tick.skipped, sent_at_ns - due_ns, cause)
         return MeasuredTick(tick.scheduled_ns, tick.skipped, sent_at_ns - due_ns, times, cause)
 

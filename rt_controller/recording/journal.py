@@ -8,7 +8,7 @@ the log, so the log stays one that every reader of its format opens. The first l
 import json
 import os
 import platform
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from enum import Enum
 from functools import partial
@@ -20,8 +20,7 @@ from pydantic import BaseModel, BeforeValidator, NonNegativeInt, PositiveInt, Ty
 from pydantic import ValidationError as Refused
 
 from rt_controller.bus.identity import dbc_hash
-from rt_controller.bus.log.log_file import LogFile
-from rt_controller.bus.log.recorder import RecordedFrame, Recorder, open_recorder
+from rt_controller.bus.log.recorder import journal_path
 from rt_controller.config import ControllerConfig
 from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.faults import StopCause
@@ -32,8 +31,7 @@ from rt_controller.model.artifact import find_model, load_bundle
 from rt_controller.model.bundle import Bundle
 
 FORMAT: Literal[1] = 1
-SUFFIX = ".journal"
-RECEIVED, SENT, BUS_FAILURE = "received", "sent", "bus_failure"
+BUS_FAILURE = "bus_failure"
 _CallName = Literal[
     "received",
     "sent",
@@ -43,6 +41,7 @@ _CallName = Literal[
     "request_stop",
     "send_safe_command",
 ]
+"""the last four are methods of `ControlStep`, and the names with which it notes their calls"""
 _PACKAGES = ("rt-controller", "numpy", "scipy", "onnxruntime", "piqp")
 """those on which the bits of a command depend"""
 
@@ -88,6 +87,11 @@ class TickRecord:
     """by field of `TickTimes`"""
     calls: tuple[Call, ...] = ()
 
+    def to_json(self) -> dict[str, Any]:
+        """The line without the calls, which the recorder adds."""
+        line = {each.name: getattr(self, each.name) for each in fields(self)}
+        return {**line, "mode": self.mode.name, "cause": self.cause.name}
+
     def frames(self, name: str) -> list[Any]:
         """All frames that were received, or sent, before the end of the tick."""
         return [frame for call in self.calls if call.name == name for frame in call.frames]
@@ -105,7 +109,6 @@ class Header(BaseModel):
     """of a solve, where its time is limited"""
     catalogue: str
     """hash of the messages"""
-    is_fd: bool = False
     packages: dict[str, str | None]
     machine: str
 
@@ -146,7 +149,7 @@ class Header(BaseModel):
         """Packages, messages and the type of machine that are others now, for people."""
         recorded = {**self.packages, "messages": self.catalogue, "machine": self.machine}
         now = {name: _version(name) for name in self.packages}
-        now |= {"messages": f"{dbc_hash(self.is_fd):08x}", "machine": _machine()}
+        now |= {"messages": f"{dbc_hash():08x}", "machine": _machine()}
         return [
             f"{name} {then} then, {now[name]} now"
             for name, then in recorded.items()
@@ -154,9 +157,7 @@ class Header(BaseModel):
         ]
 
 
-def describe_run(
-    config: ControllerConfig, bundle: Bundle, max_iterations: int | None, is_fd: bool = False
-) -> Header:
+def describe_run(config: ControllerConfig, bundle: Bundle, max_iterations: int | None) -> Header:
     """Settings, model, limits found at the start, and versions."""
     settings = {name: getattr(config, name) for name in ControllerConfig.model_fields}
     settings["mpc"] = config.mpc.for_model(bundle)
@@ -168,8 +169,7 @@ def describe_run(
         model={"name": bundle.name, "sha256": bundle.sha256},
         config=ControllerConfig(**settings).model_dump(),
         max_iterations=max_iterations,
-        catalogue=f"{dbc_hash(is_fd):08x}",
-        is_fd=is_fd,
+        catalogue=f"{dbc_hash():08x}",
         packages={name: _version(name) for name in _PACKAGES},
         machine=_machine(),
     )
@@ -184,64 +184,6 @@ def _version(package: str) -> str | None:
         return version(package)
     except PackageNotFoundError:
         return None
-
-
-def journal_path(log: Path) -> Path:
-    """The journal of a log."""
-    return log.with_name(log.name + SUFFIX)
-
-
-class Journal:
-    """`Sink` that writes the journal of a log."""
-
-    def __init__(self, log: Path, header: Header, replaces: bool = False) -> None:
-        """Open the journal beside `log`, as `LogFile`."""
-        self._file = LogFile(journal_path(log), replaces)
-        self._lines = [_line(header.model_dump())]
-        """not yet written"""
-        self._calls: list[list[str | int]] = []
-
-    @property
-    def path(self) -> Path:
-        return self._file.path
-
-    @property
-    def failure(self) -> str:
-        return self._file.failure
-
-    def append(self, entries: Sequence[object], n_logged: int) -> None:
-        for entry in entries:
-            if isinstance(entry, RecordedFrame):
-                n_logged -= 1
-                # The step uses frames with data only, and some formats reorder the others.
-                if n_logged >= 0 and not (entry.is_remote or entry.is_error):
-                    self._add_frame(entry)
-            elif isinstance(entry, TickRecord):
-                line = {each.name: getattr(entry, each.name) for each in fields(entry)}
-                names = {"mode": entry.mode.name, "cause": entry.cause.name}
-                self._lines.append(_line({**line, **names, "calls": self._calls}))
-                self._calls = []
-            else:
-                self._calls.append([str(entry)])
-        self._file.append(self._lines)
-        self._lines = []
-
-    def close(self) -> None:
-        if self._calls:
-            self._file.append([_line({"tick": -1, "calls": self._calls})])
-        self._file.close()
-
-    def _add_frame(self, frame: RecordedFrame) -> None:
-        name = SENT if frame.is_sent else RECEIVED
-        last = self._calls[-1] if self._calls else []
-        if last[:2] == [name, frame.stamp_ns]:
-            last[2] = int(last[2]) + 1
-        else:
-            self._calls.append([name, frame.stamp_ns, 1])
-
-
-def _line(content: Mapping[str, Any]) -> bytes:
-    return json.dumps(content, separators=(",", ":"), default=str).encode() + b"\n"
 
 
 def read_journal(log: Path) -> tuple[Header, list[TickRecord]]:
@@ -296,22 +238,3 @@ def _object(line: str | bytes) -> dict[str, Any]:
     if not isinstance(content, dict):
         raise _NoObjectError
     return content
-
-
-def open_recording(
-    log: Path | None, channel: str, is_lockstep: bool, header: Header, replaces: bool = False
-) -> Recorder | None:
-    """The recorder of a drive on a bus of this name; None if no log is named.
-
-    In lockstep stamps are simulated time, and a slow disk is waited for.
-    """
-    recorder = open_recorder(log, channel, is_lockstep, replaces)
-    if recorder is None:
-        return None
-    try:
-        if recorder.path.is_file():  # no device, no pipe
-            recorder.add(Journal(recorder.path, header, replaces))
-    except BaseException:
-        recorder.close()
-        raise
-    return recorder

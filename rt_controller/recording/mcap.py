@@ -13,7 +13,7 @@ import can
 from cantools.database.namedsignalvalue import NamedSignalValue
 
 from rt_controller.bus.codec import NOT_AVAILABLE
-from rt_controller.bus.dbc import dbc_path, read_dbc
+from rt_controller.bus.dbc import read_dbc
 from rt_controller.bus.log.log_file import LogFile
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.errors import needs_extra
@@ -71,7 +71,7 @@ class _File:
 class McapFile:
     """An MCAP file of a replayed drive; the stamps are those of the clock of its loop."""
 
-    def __init__(self, path: Path, replaces: bool = False, is_fd: bool = False) -> None:
+    def __init__(self, path: Path, replaces: bool = False) -> None:
         """Open the file, as `LogFile`."""
         with needs_extra("record", "MCAP"):
             import foxglove
@@ -79,7 +79,7 @@ class McapFile:
 
         self._file = _File(path, replaces)
         self._context = foxglove.Context()
-        self._messages = {each.frame_id: each for each in read_dbc(dbc_path(is_fd)).messages}
+        self._messages = {each.frame_id: each for each in read_dbc().messages}
         self._channels: dict[str, Channel] = {}
         options = MCAPWriteOptions(disable_seeking=True)
         self._writer = foxglove.open_mcap(self._file, context=self._context, writer_options=options)

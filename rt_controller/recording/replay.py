@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 
 import can
 
+from rt_controller.bus.log.recorder import RECEIVED, SENT
 from rt_controller.bus.messages import COMMAND
 from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.signals import ControlInput
@@ -21,22 +22,13 @@ from rt_controller.mapping.can_log import read_frames
 from rt_controller.node import ControlNode, build_mpc, build_node
 from rt_controller.recording.journal import (
     BUS_FAILURE,
-    RECEIVED,
-    SENT,
     Call,
     Header,
     TickRecord,
     read_journal,
 )
 from rt_controller.safety.tick import Tick
-from rt_controller.step import ControlStep
 
-_CALLS = {
-    "update_matrices": ControlStep.update_matrices,
-    "warm_up": ControlStep.warm_up,
-    "request_stop": ControlStep.request_stop,
-    "send_safe_command": ControlStep.send_safe_command,
-}
 _COMMAND_ID = COMMAND.codecs[0].arbitration_id
 FRAME = "ACT_CMD"
 _COPY_AGAIN = (
@@ -125,9 +117,7 @@ class Replay:
         self._drive = drive
         self._clock = _RecordedClock()
         self._bus = _RecordedBus()
-        self.node: ControlNode = build_node(
-            self._bus, self.config, bundle, self.mpc, self._clock, is_fd=header.is_fd
-        )
+        self.node: ControlNode = build_node(self._bus, self.config, bundle, self.mpc, self._clock)
 
     def ticks(self) -> Iterator[ReplayedTick]:
         """Each recorded tick, replayed; the calls after the last one are a tick of number -1."""
@@ -149,7 +139,7 @@ class Replay:
             elif call.name == BUS_FAILURE:
                 self._bus.fails = True
             elif call.name != SENT:
-                _CALLS[call.name](step)
+                getattr(step, call.name)()
         if tick.tick >= 0:
             self._clock.time_ns = tick.began_ns
             step.run(tick.skipped, tick.missed_last)
@@ -211,7 +201,7 @@ class _RecordedBus(can.BusABC):
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:
         data = bytes(msg.data)
-        self.sent.append(can.Message(arbitration_id=msg.arbitration_id, data=data, is_fd=msg.is_fd))
+        self.sent.append(can.Message(arbitration_id=msg.arbitration_id, data=data))
 
     def shutdown(self) -> None:
         """Nothing is open."""

@@ -17,14 +17,6 @@ from rt_controller.report.table import Table
 NEEDED = ("jinja2", "matplotlib")
 
 
-class Links(NamedTuple):
-    """A sentence that ends with links to sections."""
-
-    text: str
-    targets: tuple[tuple[str, str], ...]
-    """text of the link, title of the section"""
-
-
 class Plot(NamedTuple):
     """A plot with its caption."""
 
@@ -33,7 +25,7 @@ class Plot(NamedTuple):
     caption: str = ""
 
 
-Part = str | Links | Table | Plot
+Part = str | Table | Plot
 """a string is a paragraph of plain text; all texts are escaped"""
 
 

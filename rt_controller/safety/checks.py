@@ -3,73 +3,15 @@
 How the thresholds were found, and what no check detects: `docs/safety.md`.
 """
 
-from enum import Enum, IntEnum, auto
-from math import copysign, inf
+from enum import Enum
+from math import inf, nan
 from typing import NamedTuple
 
 from rt_controller.contract.car import Car
 from rt_controller.contract.faults import StopCause
 from rt_controller.contract.limits import MOST_LATERAL_MPS2
+from rt_controller.contract.quantities import Quantity
 from rt_controller.contract.timing import PERIOD_S
-
-
-class Quantity(IntEnum):
-    """What a check compares with its threshold; index into the values of one tick."""
-
-    PROGRESS_STEP_M = 0
-    """|Δs - progress computed from v_x, v_y, e_psi, e_y| of one period"""
-    PROGRESS_SPEED_MPS = auto()
-    """|low-pass of v_x - Δs / period|: both on a straight road"""
-    SPEED_STEP_MPS = auto()
-    """|v_x - v_x predicted by the model one period ago|; without a model: the last v_x"""
-    SPEED_TEN_MPS = auto()
-    """|v_x - v_x predicted ten periods ago with the inputs that were applied|"""
-    LATERAL_SPEED_STEP_MPS = auto()
-    LATERAL_SPEED_TEN_MPS = auto()
-    YAW_RATE_STEP_RADPS = auto()
-    YAW_RATE_TEN_RADPS = auto()
-    HEADING_RAD = auto()
-    """|e_psi - e_psi integrated from yaw rate, curvature and progress|"""
-    LATERAL_ERROR_M = auto()
-    """|e_y - e_y integrated from v_x, e_psi and v_y|"""
-    CURVATURE_STEP_PER_M = auto()
-    """|curvature - the value ahead that was sent before for this place|; a large one less 1.5 times
-    the changes of the values ahead"""
-    PEDAL_SPEED_MPS = auto()
-    """speed that the pedals should have added to a slow car, and that is not measured; scaled to a
-    car that accelerates by 6 m/s^2 with an open throttle"""
-    FROZEN_TICKS = auto()
-    """ticks in which all six states are constant, although by the other states or the model they
-    change"""
-    STEERING_RAD = auto()
-    """distance of ACT_FB from the range of the commands of the last 150 ms"""
-    THROTTLE = auto()
-    BRAKE_N = auto()
-    TRACKING_M = auto()
-    """|e_y - c0|"""
-    SPEED_MPS = auto()
-    """|v_x - wanted speed|"""
-    OUTSIDE_TRAINING = auto()
-    """largest of speed, lateral acceleration, wheel and perhaps curvature, relative to what the
-    model was trained with at this speed; 0: none is outside"""
-    PATH_STEP_M = auto()
-    """|c0 - the value that the path before had at this place|"""
-    PATH_DRIFT_M = auto()
-    """the same, summed up with a memory of 2 s"""
-    PATH_FROZEN_M = auto()
-    """by how much a path that repeats itself should have changed: at the car, and 10 m ahead"""
-    PATH_TURN_RAD = auto()
-    """|c1 - the slope that the path before had at this place|"""
-    PATH_SPEED_STEP_MPS = auto()
-    """wanted speed - the one before; 0 if it falls"""
-    PREVIEW_STEP_PER_M = auto()
-    """the largest difference of the curvature ahead to the one sent before, as above"""
-    PATH_LATERAL_MPS2 = auto()
-    """largest lateral acceleration along the path over the next half second"""
-    ENGAGE_EY_M = auto()
-    """farthest distance from the path of a car that the controller is to take over"""
-    ENGAGE_EPSI_RAD = auto()
-    """|e_psi - heading of the path| of such a car"""
 
 
 class Reaction(Enum):
@@ -188,24 +130,17 @@ CHECKS: tuple[Check, ...] = (
 
 def checks_of(car: Car) -> tuple[Check, ...]:
     """The table with the thresholds of this car."""
-    names = {check.quantity.name.lower(): check.quantity for check in CHECKS}
     brake_n = next(check.threshold for check in CHECKS if check.quantity is Quantity.BRAKE_N)
     chosen = {
         Quantity.PATH_LATERAL_MPS2: car.path_lateral_mps2 + _FASTER_MPS2,
         Quantity.BRAKE_N: min(car.force_scale, 1.0) * brake_n,
     }
-    chosen.update((names[name], value) for name, value in car.thresholds.items())
+    chosen.update((Quantity[name.upper()], value) for name, value in car.thresholds.items())
     return tuple(
         check._replace(threshold=chosen.get(check.quantity, check.threshold)) for check in CHECKS
     )
 
 
 NEVER = inf
-NOT_COMPUTED = -0.0
-"""value of a quantity in a tick that has nothing to compute it from: above no threshold, and told
-apart from a computed zero by its sign alone, which costs a tick nothing"""
-
-
-def is_computed(value: float) -> bool:
-    """True if a tick computed this value of a quantity."""
-    return copysign(1.0, value) > 0.0
+NOT_COMPUTED = nan
+"""value of a quantity in a tick that has nothing to compute it from: above no threshold"""

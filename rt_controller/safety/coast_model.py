@@ -1,16 +1,10 @@
-"""What the pedals and the wheel do to a car without a model of it: coasting, braking, cornering."""
+"""What the pedals and the wheel do to a car without a model of it: coasting and braking."""
 
 from math import tan
 from typing import NamedTuple
 
-from rt_controller.contract.limits import (
-    DEFAULT_GEOMETRY,
-    LEAST_BRAKE_N,
-    SLOW_MPS,
-    SteeringGeometry,
-    least_brake_n,
-)
-from rt_controller.contract.signals import ControlInput, VehicleState
+from rt_controller.contract.limits import DEFAULT_GEOMETRY, SteeringGeometry
+from rt_controller.contract.signals import ControlInput
 from rt_controller.contract.timing import PERIOD_S
 
 LEAST_MODELLED_MPS = 7.0
@@ -34,34 +28,6 @@ class StoppingCar(NamedTuple):
         wheelbase_m, rear_axle_m, ratio, _ = self.geometry
         yaw_rate = vx_mps * tan(control.steer_rad / ratio) / wheelbase_m
         return vx_mps, rear_axle_m * yaw_rate, yaw_rate
-
-
-class Cornering(NamedTuple):
-    """The turn of a car in one tick."""
-
-    counter_steering_rad: float = 0.0
-    """steering-wheel angle minus that of a steady turn with this yaw rate"""
-    lateral_mps2: float = 0.0
-    """speed times yaw rate"""
-    wanted_mps2: float = 0.0
-    """lateral acceleration of a steady turn with this wheel"""
-    least_brake_n: float = LEAST_BRAKE_N
-    """of a stop at this speed"""
-
-
-def cornering_of(
-    state: VehicleState | None, steer_rad: float, geometry: SteeringGeometry, stop_mps: float
-) -> Cornering:
-    """The turn of a car in `state`, with the wheel at `steer_rad`; `stop_mps`: `stop_speed_mps`."""
-    if state is None:
-        return Cornering()
-    lateral_mps2 = state.vx_mps * state.yaw_rate_radps
-    wanted_mps2 = geometry.steady_lateral_mps2(state.vx_mps, steer_rad)
-    least_n = least_brake_n(state.vx_mps, stop_mps)
-    if state.vx_mps < SLOW_MPS:  # its stop is short, and its yaw rate says little about the wheel
-        return Cornering(0.0, lateral_mps2, wanted_mps2, least_n)
-    steady_rad = geometry.steady_wheel_rad(state.vx_mps, state.yaw_rate_radps)
-    return Cornering(steer_rad - steady_rad, lateral_mps2, wanted_mps2, least_n)
 
 
 LAG_S = 0.3

@@ -12,7 +12,8 @@ from operator import or_
 from typing import NamedTuple
 
 from rt_controller.contract.faults import StopCause
-from rt_controller.safety.checks import Check, Quantity, Reaction
+from rt_controller.contract.quantities import Quantity
+from rt_controller.safety.checks import Check, Reaction
 
 SignalMask = int
 """bits of `Faulty`"""
@@ -196,7 +197,7 @@ class Windows:
         values, over = self._values, self._over
         found = []
         for i, quantity, threshold, window_ticks, check in self._groups[group]:
-            if values[quantity] <= threshold:
+            if not values[quantity] > threshold:  # nor where it is not computed
                 over[i] = 0
                 continue
             over[i] += 1

@@ -10,8 +10,6 @@ from itertools import pairwise
 from math import radians
 from typing import NamedTuple
 
-import numpy as np
-
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.kinematics import (
     heading_change_rad,
@@ -19,10 +17,11 @@ from rt_controller.contract.kinematics import (
     lateral_change_m,
     progress_m,
 )
+from rt_controller.contract.quantities import Quantity
 from rt_controller.contract.signals import AT_REST, ControlInput, VehicleState
 from rt_controller.contract.timing import PERIOD_S
-from rt_controller.model.dynamics import Dynamics, Step
-from rt_controller.safety.checks import Quantity
+from rt_controller.model.dynamics import Dynamics
+from rt_controller.model.roll_outs import STEPS, DrivenStep, RollOuts
 from rt_controller.safety.isolation import (
     LATERAL_SPEED_DIFFERS_MPS,
     YAW_RATE_DIFFERS_RADPS,
@@ -31,40 +30,28 @@ from rt_controller.safety.isolation import (
     SignalMask,
 )
 
-STEPS = 10
 LONGEST = 80
 """steps of a roll-out: one of two seconds is more accurate than to lift the predicted state again
 in every period"""
 
-_N_INPUTS = len(ControlInput._fields)
-
 
 class MotionPrediction:
-    """Ten open-loop roll-outs of the model, begun in the last ten ticks, advanced together.
-
-    Paper: eq. (8).
-    """
+    """The motion by roll-outs of the model that began in the last ten ticks."""
 
     def __init__(self, model: Dynamics, n_observables: int) -> None:
-        self._psi = np.zeros((STEPS, n_observables))
-        self._step = Step(model)
-        self._inputs = np.ones(_N_INPUTS + 2)
-        """inputs, curvature, and 1"""
-        self._newest = 0
+        self._roll_outs = RollOuts(n_observables, DrivenStep(model))
         self._age_of_newest = 0
-        self._begun = 0
-        """roll-outs in a row without a gap between them"""
         self._ahead: tuple[ControlInput, float, Array] | None = None
         """roll-outs of the next tick, and the input and the curvature that they expect"""
 
     @property
     def has_any(self) -> bool:
-        return self._begun > 0
+        return self._roll_outs.begun > 0
 
     @property
     def has_ten(self) -> bool:
         """True if a roll-out was begun ten ticks ago."""
-        return self._begun >= STEPS and self._age_of_newest == 1
+        return self._roll_outs.begun >= STEPS and self._age_of_newest == 1
 
     @property
     def is_old(self) -> bool:
@@ -73,51 +60,46 @@ class MotionPrediction:
 
     def begin(self, psi: Array) -> None:
         """Begin a roll-out at the lifted state (n,) of this tick; the oldest one ends."""
-        self._newest = (self._newest + 1) % STEPS
-        self._psi[self._newest] = psi
-        self._begun = self._begun + 1 if self._age_of_newest <= 1 else 1
+        if self._age_of_newest > 1:
+            self._roll_outs.begun = 0
+        self._roll_outs.begin(psi)
         self._age_of_newest = 0
         self._ahead = None
 
     def prepare(self, applied: ControlInput, curvature_per_m: float) -> None:
         """Before a tick, while there is time: roll out one step with the input that is expected."""
-        if self._begun > 0:
-            self._ahead = applied, curvature_per_m, self._rolled_out(applied, curvature_per_m)
+        if self.has_any:
+            after = self._roll_outs.after(applied, curvature_per_m)
+            self._ahead = applied, curvature_per_m, after
 
     def advance(self, applied: ControlInput, curvature_per_m: float) -> None:
         """Advance all roll-outs by the period in which `applied` acted."""
         ahead, self._ahead = self._ahead, None
-        if ahead is not None and ahead[0] == applied and ahead[1] == curvature_per_m:
-            self._psi = ahead[2]
-        else:
-            self._psi = self._rolled_out(applied, curvature_per_m)
+        if ahead is None or ahead[:2] != (applied, curvature_per_m):
+            ahead = applied, curvature_per_m, self._roll_outs.after(applied, curvature_per_m)
+        self._roll_outs.advance(ahead[2])
         self._age_of_newest += 1
-
-    def _rolled_out(self, applied: ControlInput, curvature_per_m: float) -> Array:
-        self._inputs[:-1] = *applied, curvature_per_m
-        return self._step(self._psi, self._inputs)
 
     def fall_back(self) -> None:
         """Go on with the roll-out that began ten ticks ago, since later states were faulty."""
         if self.has_ten:
-            self._newest = (self._newest + 1) % STEPS
+            self._roll_outs.restart_from_oldest()
             self._age_of_newest = STEPS
-            self._begun = 1
             self._ahead = None
 
     def clear(self) -> None:
         """End all roll-outs."""
-        self._begun = self._age_of_newest = 0
+        self._roll_outs.begun = self._age_of_newest = 0
         self._ahead = None
 
     def newest(self) -> tuple[float, float, float]:
         """(v_x, v_y, yaw rate) by the roll-out that began last."""
-        vx, vy, yaw_rate = self._psi[self._newest, :3].tolist()
+        vx, vy, yaw_rate = self._roll_outs.newest[:3].tolist()
         return vx, vy, yaw_rate
 
     def oldest(self) -> tuple[float, float, float]:
         """The same by the one that began ten ticks ago."""
-        vx, vy, yaw_rate = self._psi[(self._newest + 1) % STEPS, :3].tolist()
+        vx, vy, yaw_rate = self._roll_outs.oldest[:3].tolist()
         return vx, vy, yaw_rate
 
 

@@ -8,9 +8,9 @@ from typing import NamedTuple
 from rt_controller.contract.kinematics import lateral_change_m
 from rt_controller.contract.limits import FAR, GRIP_AHEAD_S, NEAR
 from rt_controller.contract.preview import is_plausible
+from rt_controller.contract.quantities import Quantity
 from rt_controller.contract.signals import CurvaturePreview, PathReference, VehicleState
 from rt_controller.contract.timing import PERIOD_S
-from rt_controller.safety.checks import Quantity
 
 
 def lateral_demand(

@@ -10,6 +10,7 @@ from math import atan, inf
 from operator import or_
 
 from rt_controller.contract.arrays import Array
+from rt_controller.contract.braking import stop_speed_mps
 from rt_controller.contract.faults import Fault, StopCause
 from rt_controller.contract.kinematics import (
     farthest_m,
@@ -18,13 +19,12 @@ from rt_controller.contract.kinematics import (
     progress_m,
     speed_of,
 )
-from rt_controller.contract.limits import stop_speed_mps
-from rt_controller.contract.signals import NEUTRAL_INPUT, ControlInput, VehicleState
+from rt_controller.contract.quantities import Quantity
+from rt_controller.contract.signals import AT_REST, ControlInput, VehicleState
 from rt_controller.contract.timing import PERIOD_S
 from rt_controller.model.validity import Excess, TrainedRange
-from rt_controller.safety.actuators import CommandRange
-from rt_controller.safety.checks import CHECKS, NEVER, NOT_COMPUTED, Check, Quantity
-from rt_controller.safety.coast_model import Cornering, PedalEffect, StoppingCar, cornering_of
+from rt_controller.safety.checks import CHECKS, NEVER, NOT_COMPUTED, Check
+from rt_controller.safety.coast_model import PedalEffect, StoppingCar
 from rt_controller.safety.freshness import ON_TIME, SampleTime
 from rt_controller.safety.isolation import (
     Faulty,
@@ -43,6 +43,8 @@ from rt_controller.safety.motion import (
     with_replaced_signals,
 )
 from rt_controller.safety.path import LastPath, LastRoad, PathChecks
+from rt_controller.safety.sent_commands import SentCommands
+from rt_controller.safety.stop import Braking, braking_for
 from rt_controller.safety.tick import Estimate, Tick
 
 _NOT_COMPUTED = [NOT_COMPUTED] * len(Quantity)
@@ -84,9 +86,8 @@ class Supervisor:
         self._residuals = Residuals(self.values, prediction, limits)
         self._paths = PathChecks(self.values)
         self._road = LastRoad(self.values, limits[Quantity.PREVIEW_STEP_PER_M])
-        self._commands = CommandRange()
+        self.sent = SentCommands()
         self._pedals = PedalEffect(self._car.throttle_mps2, self._car.brake_mps2_per_n)
-        self._control = NEUTRAL_INPUT
         self._state: VehicleState | None = None
         self._curvature_per_m = 0.0
         self._faulty: SignalMask = Faulty.NONE
@@ -142,10 +143,9 @@ class Supervisor:
             report=report, excess=excess if Fault.OUTSIDE_TRAINING in report else None
         )
 
-    def note(self, control: ControlInput, psi: Array | None) -> None:
+    def note(self, control: ControlInput, psi: Array | None, counter: int | None = None) -> None:
         """After the tick: what was sent, and the lifted state (n,) that the model starts from."""
-        self._control = control
-        self._commands.add(control)
+        self.sent.add(control, counter)
         prediction = self._prediction
         if psi is None or prediction is None:
             return
@@ -162,9 +162,21 @@ class Supervisor:
         if self._prediction is not None:
             self._prediction.clear()
 
-    def cornering(self, control: ControlInput) -> Cornering:
-        """How the car turns, in the accepted state with this input."""
-        return cornering_of(self._state, control.steer_rad, self._car.geometry, self._stop_mps)
+    def braking(
+        self, estimate: Estimate, steer_rad: float, is_held: bool, force_scale: float
+    ) -> Braking:
+        """How a safe stop of a car in the accepted state brakes, with this angle of the wheel."""
+        return braking_for(
+            estimate.alarm,
+            estimate.speed_mps is not None and estimate.is_path_received,
+            self._state or AT_REST,
+            steer_rad,
+            self._car.geometry,
+            self._stop_mps,
+            self.values[Quantity.THROTTLE],
+            force_scale,
+            is_held,
+        )
 
     def _begin(self, tick: Tick) -> Estimate:
         """Restart; a car outside of the engagement window is refused."""
@@ -197,7 +209,7 @@ class Supervisor:
             tick.state,
             tick.curvature_per_m,
             path,
-            tick.preview,
+            None if tick.has_implausible_preview else tick.preview,
             tick.state is not None and not failing,
             tick.path is not None,
             None if tick.state is None else tick.state.vx_mps,
@@ -310,11 +322,11 @@ class Supervisor:
 
     def _expected_motion(self, tick: Tick, before: VehicleState) -> tuple[float, float, float]:
         """(v_x, v_y, yaw rate) of this tick by the model, or by braking where it has none."""
-        applied = self._control if tick.state is None else tick.applied
+        applied = self.sent.newest if tick.state is None else tick.applied
         prediction = self._prediction
         if applied is None:
             self.clear_predictions()
-            applied = self._control
+            applied = self.sent.newest
         if before.vx_mps < self._car.modelled_mps:
             self.clear_predictions()
         if prediction is None or not prediction.has_any:
@@ -345,7 +357,7 @@ class Supervisor:
     ) -> None:
         values = self.values
         if tick.feedback is not None:
-            outside = self._commands.distance(tick.feedback, tick.late_ticks)
+            outside = self.sent.outside(tick.feedback, tick.late_ticks)
             values[Quantity.THROTTLE], values[Quantity.BRAKE_N], values[Quantity.STEERING_RAD] = (
                 outside
             )
@@ -359,7 +371,7 @@ class Supervisor:
         if speed_mps < self._car.modelled_mps:
             return None
         lateral_mps2 = speed_mps * state.yaw_rate_radps
-        steer_rad = self._control.steer_rad
+        steer_rad = self.sent.newest.steer_rad
         excess = trained.excess(speed_mps, lateral_mps2, steer_rad, self._curvature_per_m)
         self.values[Quantity.OUTSIDE_TRAINING] = 0.0 if excess is None else excess.share
         return excess
@@ -391,10 +403,13 @@ class Supervisor:
             if tick.is_stopping and not faulty & Faulty.LATERAL_MOTION:
                 # The place of each stage is that of a car that brakes. With an estimated yaw rate
                 # on a wet road this was worse: docs/safety.md, Not covered.
-                braking_mps2 = self._car.brake_mps2_per_n * self._control.brake_n
+                braking_mps2 = self._car.brake_mps2_per_n * self.sent.newest.brake_n
                 path = path._replace(v_mps=state.vx_mps, a_mps2=-braking_mps2)
-        if preview is not None or tick.state is None or faulty & Faulty.CURVATURE:
+        is_stop = tick.is_stopping or alarm is not StopCause.NONE
+        if tick.state is None or faulty & Faulty.CURVATURE or (is_stop and preview is not None):
             preview = self._road.ahead(preview)
+        elif tick.has_implausible_preview and not is_stop:
+            preview = None
         is_slow_known = not faulty & Faulty.SPEED or not faulty & Faulty.PROGRESS
         speed_mps = speed_of(state) if tick.state is not None and is_slow_known else None
         return Estimate(
@@ -407,4 +422,5 @@ class Supervisor:
             speed_mps,
             alarm,
             rejection,
+            stops=is_stop,
         )

@@ -18,7 +18,7 @@ from rt_controller.safety.freshness import ON_TIME, SampleTime
 
 
 class Estimate(NamedTuple):
-    """What may be planned from."""
+    """What is planned from: final, no later stage chooses another state, path or curvature."""
 
     state: VehicleState | None = None
     """measured where it is accepted, otherwise estimated; None: none has arrived yet"""
@@ -36,6 +36,8 @@ class Estimate(NamedTuple):
     """what stops the car"""
     rejection: StopCause = StopCause.NONE
     """why state or path of this tick are not used, or why the drive does not begin"""
+    stops: bool = False
+    """the car is to be brought to rest, whatever speed the path says"""
     report: Fault = NO_FAULT
     """bits of the heartbeat for which nothing stops"""
     excess: Excess | None = None

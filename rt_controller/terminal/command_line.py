@@ -5,27 +5,24 @@ Imported before anything heavy, so that `--help` and a mistyped option answer at
 
 import errno
 import sys
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager, nullcontext
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from functools import partial
 from importlib.metadata import version
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TextIO
 
 from cyclopts import App, CycloptsError, MissingArgumentError, UnusedCliTokensError
-from pydantic import BaseModel
 from rich.console import Console, ConsoleOptions
 from rich.text import Text
 
 from rt_controller.contract.errors import ConfigError, OutputError, RtControllerError
 from rt_controller.contract.settings_errors import Location, dotted, explain, option, with_options
 from rt_controller.terminal.entry import INTERRUPTED, SENTENCE
-from rt_controller.terminal.streams import lost_output, protect_streams
 
 if TYPE_CHECKING:
     from cyclopts.help import HelpEntry, HelpPanel
 
 _HELP_ALL = "--help-all"
-_HELP_FLAGS = {"--help", "-h", _HELP_ALL}
 _SHORT_LIST = 13
 """options of a command that `--help` shows all, whatever their names"""
 
@@ -60,12 +57,11 @@ def run_command(app: App, arguments: Sequence[str] | None = None) -> None:
     """Parse the arguments, run the command, and end the process with its exit code.
 
     An error ends with one message on stderr and its own exit code: 2 for options that are refused,
-    all of them named at once, otherwise the one of the `RtControllerError`. A command without an
-    error, whose output is incomplete, ends with that of `OutputError`.
+    all of them named at once, otherwise the one of the `RtControllerError`.
     """
     program = app.name[0]
     tokens = sys.argv[1:] if arguments is None else arguments
-    protect_streams()
+    _protect_streams()
     try:
         code = _call(app, tokens)
     except (RtControllerError, OSError) as error:
@@ -75,7 +71,38 @@ def run_command(app: App, arguments: Sequence[str] | None = None) -> None:
     except KeyboardInterrupt:
         print_error(program, SENTENCE)
         code = INTERRUPTED
-    sys.exit(code or (OutputError.exit_code if lost_output() else 0))
+    sys.exit(code)
+
+
+class _LossyStream:
+    """A stream that discards what cannot be written.
+
+    A drive must not end because the pipe, the terminal or the disk of its output is gone.
+    """
+
+    def __init__(self, stream: TextIO) -> None:
+        self._stream = stream
+
+    def write(self, text: str) -> int:
+        with suppress(OSError):
+            self._stream.write(text)
+        return len(text)
+
+    def flush(self) -> None:
+        with suppress(OSError):
+            self._stream.flush()
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._stream, name)
+
+
+def _protect_streams() -> None:
+    """Make stdout and stderr of this process lossy; others that replace them are left alone."""
+    for name in ("stdout", "stderr"):
+        stream = getattr(sys, name)
+        if stream is not None and stream is getattr(sys, f"__{name}__"):
+            stream.reconfigure(errors="backslashreplace")
+            setattr(sys, name, _LossyStream(stream))
 
 
 def print_error(program: str, message: str) -> None:
@@ -107,34 +134,12 @@ def _call(app: App, arguments: Sequence[str]) -> int:
     entry = app.meta if app.meta.default_command is not None else app
     app.suppress_keyboard_interrupt = entry.suppress_keyboard_interrupt = False
     try:
-        with _short_search_for_help() if _HELP_FLAGS & set(arguments) else nullcontext():
-            code = entry(
-                arguments, exit_on_error=False, print_error=False, result_action="return_value"
-            )
+        code = entry(
+            arguments, exit_on_error=False, print_error=False, result_action="return_value"
+        )
     except CycloptsError as error:
         raise ConfigError(_explain_usage(error)) from error
     return code if isinstance(code, int) else 0
-
-
-@contextmanager
-def _short_search_for_help() -> Iterator[None]:
-    """Within it cyclopts reads no source of pydantic's `BaseModel`, which has no help texts.
-
-    It would read it once for each table of options, a third of the time of `--help`.
-    """
-    import docstring_parser
-    from docstring_parser import Docstring, DocstringStyle
-
-    parse = docstring_parser.parse_from_object
-
-    def parse_short(obj: Any, style: DocstringStyle = DocstringStyle.AUTO) -> Docstring:
-        return Docstring() if obj is BaseModel else parse(obj, style)
-
-    docstring_parser.parse_from_object = parse_short
-    try:
-        yield
-    finally:
-        docstring_parser.parse_from_object = parse
 
 
 def _explain_usage(error: CycloptsError) -> str:

@@ -33,7 +33,7 @@ from rt_controller.report.table import (
 from rt_controller.safety.freshness import REFERENCE_MAX_AGE_NS, STATE_MAX_AGE_NS, TIMING_SLACK_NS
 from rt_controller.safety.tick import Tick
 from rt_controller.terminal.progress import announce
-from rt_controller.terminal.stop_message import Margin, exceeded, plausibility_margins, remedy_of
+from rt_controller.terminal.stop_message import Margin, exceeded, plausibility_margins
 
 _DEGRADED = {
     Mode.SAFE_STOP: "was part of a safe stop",
@@ -132,7 +132,7 @@ def _page(
             f"the model that recorded it to see what happened."
         )
     elif result.cause is not StopCause.NONE:
-        sentence = f"{happened}: {result.cause.value}. {remedy_of(result.cause)}".strip()
+        sentence = f"{happened}: {result.cause.value}. {result.cause.remedy}".strip()
     elif reasons:
         sentence = f"{happened}; {reasons[0]}."
     else:
@@ -143,7 +143,7 @@ def _page(
         "is_identical": not changed,
         "mode": result.mode.name,
         "cause": result.cause.name,
-        "remedy": remedy_of(result.cause),
+        "remedy": result.cause.remedy,
         "reasons": reasons,
         "state": None if result.state is None else result.state._asdict(),
         "curvature_per_m": None if result.state is None else result.curvature_per_m,

@@ -47,7 +47,7 @@ def replay_at_terminal(
         if mcap is not None:
             from rt_controller.recording.mcap import McapFile
 
-            file = opened.enter_context(closing(McapFile(mcap, overwrite, drive.header.is_fd)))
+            file = opened.enter_context(closing(McapFile(mcap, overwrite)))
         for tick in replay.ticks():
             found += differences(tick)
             if file is not None:

@@ -48,7 +48,6 @@ from rt_controller.terminal.stop_message import (
     failed_checks,
 )
 from rt_controller.terminal.stop_signals import stop_on_signals
-from rt_controller.terminal.streams import lost_output
 from rt_controller.terminal.summary import (
     NOT_ENGAGED,
     driven_to_json,
@@ -157,7 +156,6 @@ def _write(
         **to_json(session, error),
         **figures_to_json(figures),
         "vehicle_braking_cause": None if car is None else _braking_cause(car),
-        "lost_output": lost_output(),
     }
 
     def plot() -> None:

@@ -17,10 +17,10 @@ from rt_controller.contract.figures import require_writable, write_figures
 from rt_controller.gateway.command_check import require_sendable
 from rt_controller.gateway.lateral_speed import choose_car, choose_lateral_speed
 from rt_controller.gateway.process import LEAVING_REQUEST, Gateway, run_gateway
-from rt_controller.gateway.signal_relations import is_contradiction
-from rt_controller.gateway.signals_check import BIT_RATE, HELP, CheckReport, check_signals
+from rt_controller.gateway.signals_check import BIT_RATE, CheckReport, check_signals
 from rt_controller.mapping.can_log import LoggedFrame, read_frames
 from rt_controller.mapping.car_file import CarFile, read_car
+from rt_controller.mapping.relations import HELP, HOLDS, Comparison
 from rt_controller.model.artifact import find_model, load_bundle
 from rt_controller.realtime.scheduling import real_time_process, set_thread_priority
 from rt_controller.report.table import Cell, Column, Table, format_number, print_table
@@ -59,7 +59,7 @@ def check_at_terminal(
     channel: int | str | None = None  # of a log
     with ExitStack() as opened:
         if bus is not None:
-            listened = bus.open_bus()
+            listened = bus.open_bus(car.database.is_fd)
             opened.callback(close_bus, listened)
             opened.enter_context(announce(f"listening for {listen_s:g} s", is_quiet))
             frames, where = _listen(listened, listen_s, pauses_s), str(listened.channel_info)
@@ -101,11 +101,11 @@ def gateway_at_terminal(
     with ExitStack() as opened:
         # First: the threads that a bus starts inherit the settings of the process.
         guarantees = opened.enter_context(real_time_process(priority))
-        below = car_bus.open_bus()
+        below = car_bus.open_bus(car.database.is_fd)
         opened.callback(close_bus, below)
         above = bus.open_bus()
         opened.callback(close_bus, above)
-        gateway = Gateway(below, above, car, lateral_speed, bus.fd, description)
+        gateway = Gateway(below, above, car, lateral_speed, description)
         opened.enter_context(stop_on_signals(gateway.request_end))
         guarantees = set_thread_priority(priority, process=guarantees)
         show(f"translating between {below.channel_info} and {above.channel_info}")
@@ -173,21 +173,21 @@ def _print(report: CheckReport) -> None:
         f"a bus with {BIT_RATE // 1000} kbit/s"
     )
     print_table(Table(title, columns, rows), Console())
-    relations = tuple((text, _verdict(answer)) for text, answer in report.relations.items())
+    relations = tuple((text, _verdict(found)) for text, found in report.relations.items())
     heads = (Column("relation", is_text=True), Column("", is_text=True))
     print_table(Table("Relations between signals", heads, relations), Console())
     plain = partial(Console().print, highlight=False, markup=False, soft_wrap=True)
-    if any(map(is_contradiction, report.relations.values())):
+    if any(each.is_contradicted for each in report.relations.values()):
         plain(f"{HELP}.")
     for name, count in report.dropped.items():
         plain(f"{name}: {count} frames damaged or repeated")
 
 
-def _verdict(answer: str) -> str | Cell:
-    """Of the answer to: does it contradict kinematics?"""
-    if is_contradiction(answer):
-        return Cell(answer.replace("yes", "CONTRADICTED", 1), status="bad")
-    return Cell("holds", status="good") if answer == "no" else answer
+def _verdict(found: Comparison) -> str | Cell:
+    """Of a relation."""
+    if found.is_contradicted:
+        return Cell(found.answer.replace("yes", "CONTRADICTED", 1), status="bad")
+    return Cell("holds", status="good") if found.answer == HOLDS else found.answer
 
 
 def _problems(report: CheckReport) -> Iterator[str]:

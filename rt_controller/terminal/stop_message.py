@@ -1,73 +1,20 @@
 """Words for what went wrong in a drive: the message of a safe stop, a sentence for each fault."""
 
 from collections.abc import Iterable, Sequence
-from math import nan
 from typing import Any, NamedTuple
 
 from rt_controller.bus.messages import REFERENCE, STATE, Message
 from rt_controller.bus.receive import Inbox
-from rt_controller.contract.faults import Fault, StopCause
-from rt_controller.safety.checks import CHECKS, Check, is_computed
+from rt_controller.contract.faults import StopCause
+from rt_controller.safety.checks import Check
 from rt_controller.session import ControllerSession
 
 VEHICLE_KNOWS = "The vehicle's program (sim-bridge, or the gateway) names the cause at its end"
-_COUNTED = "(sim-bridge) runs and its frames arrive; the summary counts dropped and missing ones"
-_REMEDIES = {
-    StopCause.STATE_LOST: f"Check that the vehicle {_COUNTED}",
-    StopCause.REFERENCE_LOST: f"Check that the path planner {_COUNTED}",
-    StopCause.MISSION_LOST: f"Check that the vehicle {_COUNTED}",
-    StopCause.STATE_CONFLICT: "Stop the second vehicle, or the program that replays a log",
-    StopCause.COMMANDS_UNANSWERED: "Check that commands arrive at the vehicle, and why it refuses "
-    "them (refused_ticks in its summary)",
-    StopCause.BUS_OFF: "Check wiring, termination and bit rate; the driver restarts the controller "
-    "with restart-ms",
-    StopCause.INTERFACE_DOWN: "Bring the interface up (ip link set CHANNEL up)",
-    StopCause.SECOND_CONTROLLER: "Stop the other one, or choose another channel",
-    StopCause.PEER_MISMATCH: "Start the same version at both ends",
-    StopCause.SOLVER_FAILED: "Check the tolerances of --mpc and the model",
-}
-_OF_VALUES = "Check what sends or measures these values"
 _RECORDED = "rt-controller explain shows more of a recorded drive."
 _MESSAGES: dict[StopCause, Message[Any]] = {
     StopCause.STATE_INVALID: STATE,
     StopCause.REFERENCE_INVALID: REFERENCE,
 }
-_OF_CHECKS = {StopCause.STATE_OLD, *(check.cause for check in CHECKS)}
-"""causes that a check of plausibility finds"""
-FAULT_SENTENCES = {
-    Fault.STATE_STALE: "No new vehicle state arrived in time.",
-    Fault.STATE_INVALID: "The vehicle state had values that may not be used.",
-    Fault.SOLVER_FAILED: "The QP was not solved.",
-    Fault.DEADLINE_MISSED: "The commands were sent after their deadline.",
-    Fault.MISSION_MISSING: "There was no valid mission.",
-    Fault.BUS_FAULT: "The bus could not be read, or was off.",
-    Fault.PEER_MISMATCH: "The vehicle used another message catalogue.",
-    Fault.PREVIEW_IMPLAUSIBLE: "The curvature ahead contradicted the state or the one before, and "
-    "was not used.",
-    Fault.COMMANDS_UNANSWERED: "The vehicle did not accept the commands in time.",
-    Fault.SOURCE_CONFLICT: "A second participant sent states or commands.",
-    Fault.STATE_IMPLAUSIBLE: "Values of the vehicle state contradicted each other or the model; an "
-    "estimate replaced them.",
-    Fault.PATH_IMPLAUSIBLE: "The path jumped, was too sharp, or led away from the car.",
-    Fault.ACTUATOR_MISMATCH: "An actuator followed the commands too late, or not at all.",
-    Fault.NOT_ENGAGED: "The car was outside of the window in which the controller may begin to "
-    "drive.",
-    Fault.SPEED_NOT_FOLLOWED: "The speed was far from the wanted one for seconds.",
-    Fault.OUTSIDE_TRAINING: "The motion was outside of what the model was trained with.",
-}
-
-_UNITS = {
-    "PER_M": "1/m",
-    "M": "m",
-    "MPS": "m/s",
-    "MPS2": "m/s^2",
-    "MPS3": "m/s^3",
-    "RAD": "rad",
-    "RADPS": "rad/s",
-    "N": "N",
-    "TICKS": "ticks",
-}
-"""by the end of the name of a quantity, the longer one first"""
 
 
 class Margin(NamedTuple):
@@ -97,13 +44,7 @@ class Margin(NamedTuple):
 
 def plausibility_margins(values: Sequence[float], checks: Sequence[Check]) -> list[Margin]:
     """The quantities of a tick, by `Quantity`, against the thresholds of these checks."""
-    margins = []
-    for check in checks:
-        value, name = values[check.quantity], check.quantity.name
-        unit = next((unit for end, unit in _UNITS.items() if name.endswith(f"_{end}")), "1")
-        computed = value if is_computed(value) else nan
-        margins.append(Margin(check.name, computed, check.threshold, unit))
-    return margins
+    return [Margin(c.name, values[c.quantity], c.threshold, c.quantity.unit) for c in checks]
 
 
 def exceeded(margins: Iterable[Margin]) -> list[Margin]:
@@ -111,18 +52,12 @@ def exceeded(margins: Iterable[Margin]) -> list[Margin]:
     return [each for each in margins if each.margin < 0.0]
 
 
-def remedy_of(cause: StopCause) -> str:
-    """What to do about a cause, as a sentence; empty where the cause says it."""
-    remedy = _REMEDIES.get(cause, _OF_VALUES if cause in _OF_CHECKS else "")
-    return f"{remedy}." if remedy else ""
-
-
 def failed_checks(session: ControllerSession) -> list[Margin]:
     """The checks beyond their limit in the tick in which the safe stop began; empty if another
     fault was its cause."""
-    if not session.stop_values or session.record.result.cause not in _OF_CHECKS:
+    if not session.stop_values or not session.record.result.cause.is_of_checks:
         return []
-    return exceeded(plausibility_margins(session.stop_values, session.checks))
+    return exceeded(plausibility_margins(session.stop_values, session.supervisor.checks))
 
 
 def begin_of_stop(session: ControllerSession) -> str:
@@ -173,7 +108,7 @@ def explain_stop(
         text += f". {inbox.explain_out_of_range(_MESSAGES[cause])}."
     if faults:
         return f"{text.rstrip('.')}. Faults of this drive: {', '.join(faults)}."
-    remedy = remedy_of(cause)
-    if cause in _OF_CHECKS or cause is StopCause.SOLVER_FAILED:
+    remedy = cause.remedy
+    if cause.is_of_checks or cause is StopCause.SOLVER_FAILED:
         remedy += f" {_RECORDED}"
     return f"{text}. {remedy}" if remedy else text

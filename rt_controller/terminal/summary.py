@@ -11,7 +11,7 @@ import numpy as np
 
 from rt_controller.bus.log.recorder import log_to_json
 from rt_controller.contract.errors import OutputError
-from rt_controller.contract.faults import Fault, StopCause
+from rt_controller.contract.faults import FAULT_SENTENCES, Fault, StopCause
 from rt_controller.contract.files import atomic_write
 from rt_controller.contract.timing import PERIOD_S
 from rt_controller.drive.scenario import DrivenScenario, LateralError
@@ -22,7 +22,7 @@ from rt_controller.safety.modes import STANDING_MPS
 from rt_controller.session import ControllerSession
 from rt_controller.settings import OWN
 from rt_controller.terminal.progress import Line
-from rt_controller.terminal.stop_message import FAULT_SENTENCES, explain_braking, failed_checks
+from rt_controller.terminal.stop_message import explain_braking, failed_checks
 
 if TYPE_CHECKING:
     from rt_controller.terminal.options import RunOptions

@@ -14,7 +14,7 @@ class BrakingCause(Enum):
     """of the simulated car only: a gateway does not judge the actuators"""
     CAR_UNKNOWN = "the car does not say whether it follows the commands"
     """of the gateway only: `car_brakes` is missing, or has a value that is neither on nor off"""
-    SECOND_SENDER = "another node sends the messages of this one"
+    SECOND_SENDER = "another node sends the messages of this one, or two send one of the car"
     """of the gateway only"""
     END_REQUESTED = "the gateway was requested to end while it drove the car"
     """of the gateway only"""

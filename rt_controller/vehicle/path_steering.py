@@ -3,13 +3,9 @@
 from math import copysign, inf, isfinite, radians
 from typing import NamedTuple
 
+from rt_controller.contract.braking import SLOW_MPS, brake_beside_n, least_brake_n
 from rt_controller.contract.car import DEFAULT_CAR, Car
-from rt_controller.contract.limits import (
-    SLOW_MPS,
-    UNDERSTEER_RAD_PER_MPS2,
-    brake_beside_n,
-    least_brake_n,
-)
+from rt_controller.contract.limits import UNDERSTEER_RAD_PER_MPS2
 from rt_controller.contract.signals import PathReference, VehicleState
 from rt_controller.contract.timing import PERIOD_S
 
@@ -111,8 +107,6 @@ def largest_brake_n(
     """
     path, state, _ = course
     beyond_m = max(abs(state.ey_m - path.c0_m) - TOLERATED_OFF_PATH_M, 0.0)
-    lateral_mps2 = state.vx_mps * state.yaw_rate_radps
-    wanted_mps2 = car.geometry.steady_lateral_mps2(state.vx_mps, steer_rad)
+    force_n = brake_beside_n(state, steer_rad, car.geometry, stop_mps, open_throttle)
     least_n = least_brake_n(state.vx_mps, stop_mps)
-    force_n = brake_beside_n(lateral_mps2, wanted_mps2, open_throttle, least_n=least_n)
     return car.force_scale * max(force_n - LESS_BRAKE_N_PER_M * beyond_m, least_n)

@@ -1,6 +1,6 @@
 """The seam at which faults act: the vehicle's end of a bus, and its actuators."""
 
-from collections import Counter, deque
+from collections import deque
 from collections.abc import Sequence
 from contextlib import suppress
 from copy import copy
@@ -8,26 +8,22 @@ from copy import copy
 import can
 import numpy as np
 
-from rt_controller.bus.codec import VALID as IS_VALID
-from rt_controller.bus.codec import FrameCodec
 from rt_controller.bus.log.recorder import Recorder
-from rt_controller.bus.messages import CATALOGUE, Node
+from rt_controller.bus.messages import Node
 from rt_controller.contract.signals import ControlInput
-from rt_controller.contract.timing import PERIOD_S
-from sim_bridge.faults.fault import Fault
-from sim_bridge.faults.kinds import (
-    FRAME_KINDS,
-    JITTER,
-    ORDER,
-    THIRD_PARTICIPANT,
+from sim_bridge.faults.effects import (
+    CODECS,
+    Distortion,
     FrameFault,
-    Sample,
+    ThirdParticipant,
+    read_values,
+    write_values,
 )
-from sim_bridge.faults.names import ACTUATOR, FRAMES, SIGNALS, VALID
+from sim_bridge.faults.fault import Fault
+from sim_bridge.faults.kinds import FRAME_KINDS, JITTER, ORDER, THIRD_PARTICIPANT
+from sim_bridge.faults.names import ACTUATOR
 
-CODECS = {codec.name: codec for message in CATALOGUE.messages for codec in message.codecs}
 _CODEC_OF_ID = {codec.arbitration_id: codec for codec in CODECS.values()}
-LARGEST_STANDARD_ID = 0x7FF
 
 
 class FaultyBus:
@@ -44,12 +40,12 @@ class FaultyBus:
         """Join a bus; `recorder` logs the frames of the vehicle as they arrive."""
         self._bus, self._recorder = bus, recorder
         self._tick = self._now_ns = 0
-        self._distortions: dict[str, list[_Distortion]] = {}
+        self._distortions: dict[str, list[Distortion]] = {}
         for fault in sorted(faults, key=lambda fault: (ORDER[fault.kind], fault.delay_ticks)):
             for name in {target.frame for target in fault.targets}:
-                self._distortions.setdefault(name, []).append(_Distortion(fault, name))
+                self._distortions.setdefault(name, []).append(Distortion(fault, name))
         self._outgoing, self._incoming = _stages(faults, 0), _stages(faults, 1)
-        self._third = [_ThirdParticipant(f) for f in faults if f.kind == THIRD_PARTICIPANT]
+        self._third = [ThirdParticipant(f) for f in faults if f.kind == THIRD_PARTICIPANT]
         self._jitters = [(f, np.random.default_rng(f.seed)) for f in faults if f.kind == JITTER]
         self._genuine: dict[int, bytes] = {}  # the last frame of each id
         self._arrived: deque[can.Message] = deque()
@@ -115,10 +111,10 @@ class FaultyBus:
         changed.data = bytearray(frame.data)
         codec = _CODEC_OF_ID.get(frame.arbitration_id)
         if codec is not None and codec.name in self._distortions:
-            original = _read(codec, frame.data)
+            original = read_values(codec, frame.data)
             values = self._distorted(codec.name, original, self._tick)
             if values != original:
-                changed.data = bytearray(_write(codec, values, codec.check(frame.data)))
+                changed.data = bytearray(write_values(codec, values, codec.check(frame.data)))
         return _passed(stages, [changed], self._tick)
 
     def _add_foreign(self, sender: Node) -> None:
@@ -132,47 +128,6 @@ class FaultyBus:
         self._bus.send(frame, timeout)
         if self._recorder is not None:
             self._recorder.record(frame, self._now_ns, is_sent=True)
-
-
-class _Distortion:
-    """Changes some values of a vector in the periods in which its fault acts."""
-
-    def __init__(self, fault: Fault, frame: str) -> None:
-        """Distort the values of one frame, or of the actuators."""
-        names, self._fault = FRAMES[frame].values, fault
-        self._places = [names.index(t.signal) for t in fault.targets if t.frame == frame]
-        self._rng = np.random.default_rng((fault.seed, sorted(FRAMES).index(frame)))
-        self._history: deque[tuple[float, ...]] = deque(maxlen=fault.delay_ticks + 1)
-        self._held: tuple[float, ...] | None = None
-        self._last: tuple[float, ...] | None = None  # the values that were left last
-
-    def apply(self, values: list[float], original: Sequence[float], tick: int) -> None:
-        """Change `values`, as earlier faults left them, in place; once for each vector sent."""
-        fault, before = self._fault, tuple(values)
-        self._history.append(tuple(original))
-        self._held = (self._held or before) if fault.acts(tick) else None
-        if self._held is not None and fault.rules.change is not None:
-            late, last = self._history[0], self._last or before
-            periods = tick - fault.ticks.start + 1
-            for i in self._places:
-                held = self._held[i]
-                amount = held if fault.value is None else fault.value
-                now = Sample(values[i], amount, held, late[i], last[i], periods, self._rng)
-                values[i] = fault.rules.change(now)
-        self._last = tuple(values)
-
-
-def _read(codec: FrameCodec, data: bytes | bytearray) -> list[float]:
-    """The flag beside the counter, and the values; NaN where not available."""
-    return [float(codec.flag_of(data)), *codec.decode(data)]
-
-
-def _write(codec: FrameCodec, values: Sequence[float], counter: int) -> bytes:
-    """The frame with these values, its CRC correct; the flag is Valid or a part of the content."""
-    flag, *rest = values
-    if FRAMES[codec.name].values[0] == VALID:
-        return codec.write(tuple(rest), counter, is_valid=flag > 0.0)
-    return codec.write((min(max(round(flag), 0), codec.largest_flags), *rest), counter)
 
 
 def _stages(faults: Sequence[Fault], direction: int) -> list[FrameFault]:
@@ -199,50 +154,3 @@ def _released(stages: Sequence[FrameFault], tick: int) -> list[can.Message]:
     for k, stage in enumerate(stages):
         found += _passed(stages[k + 1 :], stage.released(tick), tick)
     return found
-
-
-class _ThirdParticipant:
-    """Sends frames of the catalogue, correct in form, from a wrong sender."""
-
-    def __init__(self, fault: Fault) -> None:
-        self._fault = fault
-        self._sent: Counter[str] = Counter()
-
-    def frames(self, tick: int, sender: Node, genuine: dict[int, bytes]) -> list[can.Message]:
-        """What it sends in this tick in place of a node, after that node.
-
-        Other signals and the counter are taken from the last genuine frame of the same id. A frame
-        that is not in the DBC is sent after those of the vehicle.
-        """
-        fault = self._fault
-        period = max(round(fault.period_s / PERIOD_S), 1)
-        if not fault.acts(tick) or (tick - fault.ticks.start) % period != 0:
-            return []
-        found = []
-        codecs = [CODECS[name] for name in fault.frames if CODECS[name].sender == sender]
-        for _ in range(fault.count):
-            if fault.frame_id is not None and sender == Node.VEHICLE:
-                found.append(_frame(fault.frame_id, fault.data))
-            for codec in codecs:
-                data = self._data(codec, genuine.get(codec.arbitration_id), self._sent[sender])
-                found.append(_frame(codec.arbitration_id, data))
-            self._sent[sender] += 1
-        return found
-
-    def _data(self, codec: FrameCodec, genuine: bytes | None, sent: int) -> bytes:
-        fault, names = self._fault, FRAMES[codec.name].values
-        values, counter = [float(IS_VALID), *[0.0] * (len(names) - 1)], sent
-        if genuine is not None:
-            values = _read(codec, genuine)
-            if fault.counter != "own":
-                ahead = 0 if fault.counter == "same" else 1 + sent % fault.count
-                counter = codec.check(genuine) + ahead
-        for target, value in ((SIGNALS[name], value) for name, value in fault.values.items()):
-            if target.frame == codec.name:
-                values[names.index(target.signal)] = value
-        return _write(codec, values, counter)
-
-
-def _frame(number: int, data: bytes) -> can.Message:
-    kind = {"is_extended_id": number > LARGEST_STANDARD_ID, "is_fd": len(data) > 8}
-    return can.Message(arbitration_id=number, data=data, is_rx=False, **kind)

@@ -5,12 +5,12 @@ from functools import cached_property
 from math import ceil
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import AfterValidator, BeforeValidator, Field, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 
 from rt_controller.contract.timing import LONGEST_S, PERIOD_MS, PERIOD_S
 from sim_bridge.faults.kinds import JITTER, KINDS, Kind
 from sim_bridge.faults.names import MESSAGES, SIGNALS, SignalName, name_in, signals_of
-from sim_bridge.toml_file import FileTable, Number, at_most, not_empty
+from sim_bridge.toml_file import FileTable, Number, entries
 
 MOST_FAULTS, MOST_NAMED = 100, 3
 """in a file; frames or signals in the text of a fault"""
@@ -47,14 +47,15 @@ class Fault(FileTable):
     """One fault; `docs/faults.md` describes the fields."""
 
     kind: Annotated[str, name_in({**KINDS, **SHORTHANDS})]
-    """of `KINDS`"""
+    """one of those in docs/faults.md"""
     start_s: Annotated[Number, Field(ge=0.0, le=LONGEST_S)] = 0.0
+    """less than `duration_s` of the scenario"""
     duration_s: Annotated[Number, Field(gt=0.0, le=LONGEST_S)] | None = None
-    """None: to the end of the drive"""
+    """without: to the end of the drive"""
     before_drive: bool = False
     """also while the car waits for a controller"""
-    messages: Annotated[tuple[_Message, ...], AfterValidator(not_empty)] = ()
-    signals: Annotated[tuple[_Signal, ...], AfterValidator(not_empty)] = ()
+    messages: Annotated[tuple[_Message, ...], entries(1)] = ()
+    signals: Annotated[tuple[_Signal, ...], entries(1)] = ()
     value: Number | None = None
     """in the unit of the signal in the DBC; of actuators in SI"""
     delay_s: Annotated[Number, Field(ge=PERIOD_S, le=LONGEST_DELAY_S)] = 0.0
@@ -167,13 +168,13 @@ class Fault(FileTable):
         return tick in self.ticks or (self.before_drive and tick == 0)
 
 
-Faults = Annotated[tuple[Fault, ...], at_most(MOST_FAULTS)]
+Faults = Annotated[tuple[Fault, ...], entries(0, MOST_FAULTS)]
 
 
 class FaultFile(FileTable):
     """A file of faults, without a scenario."""
 
-    faults: Annotated[Faults, AfterValidator(not_empty)]
+    faults: Annotated[tuple[Fault, ...], entries(1, MOST_FAULTS)]
 
 
 def late_faults(faults: Sequence[Fault], duration_s: float) -> Iterator[str]:

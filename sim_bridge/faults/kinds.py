@@ -4,20 +4,12 @@ A kind is one entry of `KINDS`; `docs/faults.md` describes it, `docs/safety.md` 
 and vehicle react.
 """
 
-from collections import deque
 from collections.abc import Callable
-from math import inf
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from rt_controller.contract.timing import PERIOD_S
-from sim_bridge.faults.names import FRAMES
-
-if TYPE_CHECKING:  # a scenario can be checked without python-can
-    from can import Message
-
-    from sim_bridge.faults.fault import Fault
 
 
 class Sample(NamedTuple):
@@ -30,67 +22,6 @@ class Sample(NamedTuple):
     last: float  # that was left in the period before
     periods: int  # since the beginning, this one included
     rng: np.random.Generator
-
-
-class FrameFault:
-    """A fault of whole frames in one direction: what arrives in place of those that it affects."""
-
-    def __init__(self, fault: "Fault", stream: int) -> None:
-        """`stream` separates the random numbers of faults and directions."""
-        self._fault = fault
-        self._rng = np.random.default_rng((fault.seed, stream))
-        self._sent = {
-            FRAMES[name].number: deque["Message"](maxlen=fault.delay_ticks + 1)
-            for name in fault.frames
-        }
-        """of each id, also before the fault"""
-        self._held: deque[tuple[float, Message]] = deque()
-        """frames, and the call of `released` in which they arrive"""
-        self._calls = 0
-
-    def passed(self, frame: "Message", tick: int) -> list["Message"]:
-        """What arrives now in place of a frame that was sent in this tick."""
-        sent = self._sent.get(frame.arbitration_id)
-        if sent is None:
-            return [frame]
-        sent.append(frame)
-        is_affected = self._fault.acts(tick) and (
-            self._fault.probability == 1.0 or self._rng.random() < self._fault.probability
-        )
-        return self._affected(frame, sent) if is_affected else [frame]
-
-    def _affected(self, frame: "Message", sent: deque["Message"]) -> list["Message"]:
-        fault = self._fault
-        match fault.kind:
-            case "corrupt":
-                bits = 8 * len(frame.data)
-                for bit in self._rng.choice(bits, min(fault.count, bits), replace=False).tolist():
-                    frame.data[bit // 8] ^= 1 << bit % 8
-                return [frame]
-            case "duplicate":
-                return [frame] * (1 + fault.count)
-            case "replay":
-                old = [sent[0]] if len(sent) > fault.delay_ticks else []
-                return old if fault.replaces else [frame, *old]
-            case "reorder":
-                for entry in self._held:
-                    if entry[1].arbitration_id == frame.arbitration_id:
-                        self._held.remove(entry)
-                        return [frame, entry[1]]
-                self._held.append((inf, frame))
-            case "delay" | "burst":
-                since = self._calls % fault.delay_ticks if fault.kind == "burst" else 0
-                self._held.append((self._calls - since + fault.delay_ticks, frame))
-        return []
-
-    def released(self, tick: int) -> list["Message"]:
-        """What was held back and arrives at the beginning of this tick; all that is, at the end."""
-        self._calls += 1  # also while the car waits, and the tick stays 0
-        is_over = not self._fault.acts(tick)
-        found = []
-        while self._held and (is_over or self._held[0][0] <= self._calls):
-            found.append(self._held.popleft()[1])
-        return found
 
 
 class Kind(NamedTuple):
@@ -128,7 +59,7 @@ KINDS = {
     ),
     "set": Kind(_SIGNALS, _VALUE, change=lambda s: s.amount),
     "rate": Kind(_SIGNALS, _VALUE, change=_limited, is_positive=True),
-    # Whole frames: whether they arrive, when, how often, and with which bits; see `FrameFault`.
+    # Whole frames: whether they arrive, when, how often, with which bits; see `FrameFault`.
     "corrupt": Kind(_FRAMES, may=("probability", "count")),
     "drop": Kind(_FRAMES, may=("probability",)),
     "bus_off": Kind(()),

@@ -4,7 +4,7 @@ Only names are read from `messages.dbc`, so that a scenario can be checked witho
 """
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Collection
 from importlib import resources
 from typing import NamedTuple
 
@@ -56,7 +56,7 @@ def signals_of(frame: str) -> list[SignalName]:
     return [SignalName(frame, name) for name in FRAMES[frame].values if name not in _FLAGS]
 
 
-def name_in(known: Mapping[str, object], expected: str = "") -> AfterValidator:
+def name_in(known: Collection[str], expected: str = "") -> AfterValidator:
     """Refuse all other names; the message says what is `expected` in place of a long list."""
 
     def check(name: str) -> str:

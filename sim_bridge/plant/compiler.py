@@ -5,6 +5,7 @@ build of the package loads this file by its path, before the package is installe
 standard library only.
 """
 
+import ast
 import hashlib
 import importlib.util
 import os
@@ -13,6 +14,7 @@ import shlex
 import shutil
 import subprocess
 import sys
+import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -21,6 +23,11 @@ FLAGS = ("-std=c99", "-O2", "-fPIC", "-shared", "-fvisibility=hidden", "-ffp-con
 SOURCES = Path(__file__).with_name("c")
 BUILT = Path(__file__).with_name("built")
 """where the compiled car is, in an installation and in a checkout"""
+_RECORDS = ("parts.py", "tyre_file.py", "parameters.py")
+"""files whose named tuples `…Parameters` are the numbers of a car"""
+_ARRAYS = {"Ratios": "[N_GEARS]", "Efficiencies": "[N_GEARS]", "MapTorques": "[N_MAP][N_MAP]"}
+_OF_FILE = {"_FromTyreFile": "TyreFileParameters"}
+_ARRAYS |= dict.fromkeys(("MapSpeeds", "MapPedals"), "[N_MAP]")
 _NAMES = ("cc", "gcc", "clang")
 _TIMEOUT_S = 300.0
 
@@ -50,8 +57,43 @@ def find_compiler() -> list[str]:
     )
 
 
-def compile_library(files: Sequence[Path], library: Path) -> None:
+def parameters_header() -> str:
+    """`parameters.h`: the named tuples of a car as structs of doubles, fields in their order.
+
+    So the record that `car_record` makes is passed to C as it is.
+    """
+    texts = (Path(__file__).with_name(name).read_text("utf-8") for name in _RECORDS)
+    nodes = (node for text in texts for node in ast.parse(text).body)
+    lines = ["/* Made from the named tuples of sim_bridge/plant. */", "#pragma once"]
+    lines += ["#define N_MAP 8", "#define N_GEARS 6"]
+    for name, fields in map(_record, nodes):
+        if not name.endswith("Parameters"):
+            continue
+        lines.append("typedef struct {")
+        for field, annotation in fields:
+            kind = _OF_FILE.get(annotation, annotation).removeprefix("parts.")
+            is_part = kind.endswith("Parameters")
+            lines.append(f"{kind if is_part else 'double'} {field}{_ARRAYS.get(kind, '')};")
+        lines.append(f"}} {name};")
+    return "\n".join((*lines, ""))
+
+
+def _record(node: ast.stmt) -> tuple[str, list[tuple[str, str]]]:
+    """Name, and fields with their annotations, of a named tuple; else no name."""
+    if isinstance(node, ast.ClassDef):
+        fields = [each for each in node.body if isinstance(each, ast.AnnAssign)]
+        found = [(ast.unparse(each.target), ast.unparse(each.annotation)) for each in fields]
+        return node.name, found
+    if isinstance(node, ast.Assign) and ast.unparse(node.value).startswith("namedtuple("):
+        name, names = (ast.literal_eval(each) for each in node.value.args)  # type: ignore[attr-defined]
+        return name, [(each, "Number") for each in names.split()]
+    return "", []
+
+
+def compile_library(files: Sequence[Path], library: Path, headers: Path = SOURCES) -> None:
     """Compile the files into one shared library; a file of that name is replaced at once.
+
+    `headers`: folder with further headers.
 
     Raises:
         CompileError: there is no C compiler, or it does not compile them.
@@ -59,7 +101,7 @@ def compile_library(files: Sequence[Path], library: Path) -> None:
     """
     compiler = find_compiler()
     part = library.with_name(f".{library.name}.{os.getpid()}")
-    command = [*compiler, *FLAGS, "-o", str(part), *map(str, files), "-lm"]
+    command = [*compiler, *FLAGS, "-I", str(headers), "-o", str(part), *map(str, files), "-lm"]
     try:
         done = subprocess.run(
             command, check=False, capture_output=True, text=True, timeout=_TIMEOUT_S
@@ -80,7 +122,7 @@ def compile_library(files: Sequence[Path], library: Path) -> None:
 
 def car_library_name() -> str:
     """File name of the car that is compiled from the present sources for this kind of processor."""
-    digest = hashlib.sha256(" ".join(FLAGS).encode())
+    digest = hashlib.sha256(f"{FLAGS} {parameters_header()}".encode())
     for file in sorted(SOURCES.iterdir()):
         digest.update(file.read_bytes())
     return f"car-{platform.machine()}-{digest.hexdigest()[:16]}.so"
@@ -96,7 +138,9 @@ def compile_car(folder: Path) -> Path:
     library = folder / car_library_name()
     if not library.exists():
         folder.mkdir(parents=True, exist_ok=True)
-        compile_library(sorted(SOURCES.glob("*.c")), library)
+        with tempfile.TemporaryDirectory() as headers:
+            Path(headers, "parameters.h").write_text(parameters_header(), "utf-8")
+            compile_library(sorted(SOURCES.glob("*.c")), library, Path(headers))
         for other in set(folder.glob(f"car-{platform.machine()}-*.so")) - {library}:
             other.unlink(missing_ok=True)
     return library

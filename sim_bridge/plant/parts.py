@@ -1,8 +1,8 @@
 """The parts of a car as named tuples of numbers, with the limits of each number in a car file.
 
 Each name ends in its unit, a name without one is a dimensionless number; a pair of front and rear
-values is two fields. The values, each with its source, are in the files under `cars/`; the C of the
-car (`c/parameters.h`) has the same fields in the same order, and says more about some of them.
+values is two fields. The values, each with its source, are in the files under `cars/`. The compiler
+gets these tuples as structs (`parameters_header` in compiler.py).
 """
 
 from typing import Annotated, Any, NamedTuple

@@ -48,8 +48,7 @@ def problems(scenario: Scenario) -> list[str]:
 
 
 def _path_problems(scenario: Scenario, drive: NominalDrive) -> Iterator[str]:
-    s_m, ey_m = drive.s_m, drive.ey_m
-    slope = np.gradient(ey_m, s_m)
+    s_m, ey_m, slope = drive.s_m, drive.ey_m, drive.slope
     curvature, width = scenario.road.curvature_per_m(s_m), scenario.road.width_m
     if width is not None:
         out_m = np.abs(ey_m) + 0.5 * scenario.course.body.width_m - 0.5 * width(s_m)
@@ -73,7 +72,7 @@ def _path_problems(scenario: Scenario, drive: NominalDrive) -> Iterator[str]:
             f"{ey_m[k]:.2f} m with a curvature of {curvature[k]:.3g} 1/m at s = {s_m[k]:.1f} m."
         )
     else:
-        yield from _grip_problems(scenario, drive, np.gradient(slope, s_m))
+        yield from _grip_problems(scenario, drive)
         yield from _fit_problems(scenario, drive)
 
 
@@ -93,21 +92,20 @@ def _fit_problems(scenario: Scenario, drive: NominalDrive) -> Iterator[str]:
             )
 
 
-def _grip_problems(scenario: Scenario, drive: NominalDrive, bend: Array) -> Iterator[str]:
-    """The place whose lateral acceleration exceeds the grip most; `bend` (n,) is the path's."""
-    s_m = drive.s_m
+def _grip_problems(scenario: Scenario, drive: NominalDrive) -> Iterator[str]:
+    """The place whose lateral acceleration exceeds the grip most."""
+    s_m, bend = drive.s_m, drive.bend_per_m
     grip = _grip_mps2(scenario.road, s_m)
     gravity_mps2 = GRAVITY_MPS2 * np.sin(scenario.road.bank_rad(s_m))
-    curvature = scenario.road.curvature_per_m(s_m)
-    wanted_mps2 = (bend + curvature) * drive.speed_mps**2 + gravity_mps2
+    wanted_mps2 = drive.turn_per_m * drive.speed_mps**2 + gravity_mps2
     i = int(np.argmax(np.abs(wanted_mps2) - grip))
     if abs(wanted_mps2[i]) < grip[i]:
         return
-    turn = float(bend[i] + curvature[i]) or 1e-9
+    turn = float(drive.turn_per_m[i]) or 1e-9
     able_mps2 = grip[i] - np.sign(turn) * gravity_mps2[i]
     possible_kmh = KMH_PER_MPS * sqrt(max(able_mps2, 0.0) / abs(turn))
     field, remedy = "reference.ey_m", "lengthen the moves, or interpolate with pchip or spline"
-    if abs(curvature[i]) >= abs(bend[i]):
+    if abs(scenario.road.curvature_per_m.at(s_m[i])) >= abs(bend[i]):
         field, remedy = "reference.speed_kmh", "or choose a wider bend in road.curvature_per_m"
     yield (
         f"{field}: expected a lateral acceleration below the grip of {grip[i]:.1f} m/s^2, found "
@@ -136,7 +134,7 @@ def _speed_problems(scenario: Scenario, drive: NominalDrive) -> Iterator[str]:
 
 def _stop_problems(scenario: Scenario, drive: NominalDrive) -> Iterator[str]:
     """A line for a stop that cannot be made or is not reached."""
-    stops, start = scenario.stops, scenario.start
+    stops, start = scenario.all_stops, scenario.start
     if not stops:
         return
     for stop, following in pairwise(stops):

@@ -9,8 +9,9 @@ distance between the cones inside a section, and the clearance of the path, are 
 choice.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, field
+from functools import lru_cache
 from math import ceil, inf, pi
 from typing import Annotated, Literal, NamedTuple
 
@@ -42,9 +43,11 @@ class Body(FileTable):
     """`[body]`: outline of the car from above, a rectangle around its centre of gravity."""
 
     width_m: Annotated[Number, Field(ge=0.5, le=4.0)] = 1.80
+    """of the outline of the car, for lanes and cones"""
     front_m: Annotated[Number, Field(ge=0.3, le=10.0)] = 1.90
     """from the centre of gravity to the front end"""
     rear_m: Annotated[Number, Field(ge=0.3, le=10.0)] = 2.45
+    """from the centre of gravity to the rear end"""
 
 
 class Cone(NamedTuple):
@@ -222,7 +225,7 @@ class IsoLaneChange(FileTable):
             at_m += length_m
         cones = {cone for each in lanes for cone in _cones_of(each)}
         course = Course(body, tuple(sorted(cones)), tuple(lanes))
-        return course, Lateral(smoothest_path(lanes, body, self.clearance_m))
+        return course, Lateral(smoothest_path(course.lanes, body, self.clearance_m))
 
 
 def _cones_of(lane: Lane) -> list[Cone]:
@@ -235,7 +238,8 @@ def _cones_of(lane: Lane) -> list[Cone]:
     ]
 
 
-def smoothest_path(lanes: Sequence[Lane], body: Body, clearance_m: float) -> Table:
+@lru_cache(maxsize=4)
+def smoothest_path(lanes: tuple[Lane, ...], body: Body, clearance_m: float) -> Table:
     """The path of least curvature: position of the centre of gravity over arc length.
 
     It starts on e_y = 0 and ends in the middle of the last lane, straight before and after. It is

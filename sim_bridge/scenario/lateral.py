@@ -14,7 +14,7 @@ from rt_controller.contract.arrays import Array
 from sim_bridge.scenario.limits import LARGEST_EY_M
 from sim_bridge.scenario.table import Interpolation, constant
 from sim_bridge.scenario.values import NotNegative, OverDistance, OverTime, require_within
-from sim_bridge.toml_file import FileTable, Number, at_most
+from sim_bridge.toml_file import FileTable, Number, entries
 
 NEAREST_KNOTS_M = 0.25
 """of a path: checks look at it on such a grid"""
@@ -47,7 +47,7 @@ class Moves(FileTable):
     """Moves in a row, with zero slope and curvature at both ends of each; they do not overlap."""
 
     kind: Literal["moves"]
-    moves: Annotated[tuple[Move, ...], at_most(10_000)]
+    moves: Annotated[tuple[Move, ...], entries(0)]
 
     @model_validator(mode="after")
     def _require_order(self) -> Self:
@@ -128,8 +128,8 @@ class Sine(FileTable):
         return np.asarray(self.amplitude_m * grown * np.sin(2.0 * pi * turns))
 
 
-def on_road(found: Any) -> Any:
-    """The path of a file: its table, or its kind."""
+def to_lateral(found: Any) -> Any:
+    """The path that a file gives as a number, a table, moves or a sine; else what was found."""
     if isinstance(found, OverDistance | OverTime):
         if found.interpolation is Interpolation.STEP:
             raise ValueError("interpolation: expected linear, pchip or spline, found step")

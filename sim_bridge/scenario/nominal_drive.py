@@ -1,6 +1,7 @@
 """The drive that a scenario asks for: a point that follows its reference exactly."""
 
 from dataclasses import replace
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -31,24 +32,32 @@ class Motion(NamedTuple):
 
 
 class NominalDrive(NamedTuple):
-    """The reference, driven exactly; the first four are (n,) on a grid of arc length."""
+    """The reference, driven exactly; all but the last two are (n,) on a grid of arc length."""
 
     s_m: Array
     time_s: Array
     speed_mps: Array
     ey_m: Array
+    slope: Array
+    """of the path against the road"""
+    bend_per_m: Array
+    """curvature of the path against the road"""
+    turn_per_m: Array
+    """curvature of road and path together"""
     motion: Motion
     stops_reached: int
 
 
+@lru_cache(maxsize=2)
 def drive_nominally(scenario: Scenario) -> NominalDrive:
     """The scenario as a point that takes on the wanted speed from its initial one.
 
-    A drive of more than `LONGEST_ROAD_M` is followed so far.
+    A drive of more than `LONGEST_ROAD_M` is followed so far. The last ones are kept, since the
+    checks and the notes of a start look at the same one.
     """
     start, speed = scenario.start, scenario.speed
     reached = 0
-    if speed.is_constant and not scenario.stops and start.speed_mps == speed.highest_mps:
+    if speed.is_constant and not scenario.all_stops and start.speed_mps == speed.highest_mps:
         motion = _at_constant_speed(scenario)
     else:
         motion, reached = _period_by_period(scenario)
@@ -60,7 +69,10 @@ def drive_nominally(scenario: Scenario) -> NominalDrive:
     time_s = np.interp(grid_m, place, motion.time_s[moving])
     speed_mps = np.interp(grid_m, place, motion.speed_mps[moving])
     ey_m = scenario.ey_m(grid_m, time_s)
-    return NominalDrive(grid_m, time_s, speed_mps, ey_m, motion, reached)
+    slope = np.gradient(ey_m, grid_m)
+    bend = np.gradient(slope, grid_m)
+    turn = bend + scenario.road.curvature_per_m(grid_m)
+    return NominalDrive(grid_m, time_s, speed_mps, ey_m, slope, bend, turn, motion, reached)
 
 
 def fix_path(scenario: Scenario) -> Scenario:
@@ -77,7 +89,8 @@ def fix_path(scenario: Scenario) -> Scenario:
     s_m = np.append(drive.s_m, drive.s_m[-1] + beyond_m)
     time_s = np.append(drive.time_s, drive.time_s[-1] + scenario.duration_s)
     lateral = Lateral(lambda place: over_time.law(np.interp(place, s_m, time_s)))
-    return replace(scenario, lateral=lateral)
+    reference = scenario.reference.model_copy(update={"ey_m": lateral})
+    return replace(scenario, reference=reference)
 
 
 def _at_constant_speed(scenario: Scenario) -> Motion:
@@ -91,7 +104,7 @@ def _at_constant_speed(scenario: Scenario) -> Motion:
 
 def _period_by_period(scenario: Scenario) -> tuple[Motion, int]:
     """The motion, and how many stops it reached."""
-    s_m, progress, stops = scenario.start.s_m, scenario.first_progress, scenario.stops
+    s_m, progress, stops = scenario.start.s_m, scenario.first_progress, scenario.all_stops
     before_mps = scenario.reference_speed_mps(s_m, 0.0, progress)
     speed_mps = scenario.start.speed_mps
     rows: list[tuple[float, float, float, float, bool]] = []

@@ -6,7 +6,7 @@ from math import atan, inf, radians
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import AfterValidator, Field, ValidationInfo, field_validator, model_validator
+from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from rt_controller.contract.limits import LEAST_FRICTION, MOST_FRICTION
 from sim_bridge.plant.protocol import RoadAt
@@ -19,8 +19,8 @@ from sim_bridge.scenario.limits import (
 )
 from sim_bridge.scenario.opendrive import ReferenceLine, read_reference_line
 from sim_bridge.scenario.table import Ramp, Table, chained, constant
-from sim_bridge.scenario.values import NotNegative, form_of_table
-from sim_bridge.toml_file import FileTable, Number, at_most, not_empty
+from sim_bridge.scenario.values import NotNegative, OverDistance, table_within
+from sim_bridge.toml_file import FileTable, Number, entries
 
 _Radius = Annotated[Number, Field(ge=SMALLEST_RADIUS_M)]
 
@@ -69,7 +69,7 @@ class CourseOfBends(FileTable):
     """Straights and bends in a row; straight after the last one."""
 
     kind: Literal["course"]
-    bends: Annotated[tuple[Bend, ...], at_most(1000), AfterValidator(not_empty)]
+    bends: Annotated[tuple[Bend, ...], entries(1, 1000)]
 
     def table(self) -> Table:
         """Curvature in 1/m."""
@@ -79,15 +79,20 @@ class CourseOfBends(FileTable):
 
 _Curvature = Annotated[
     Table,
-    form_of_table(-LARGEST_CURVATURE_PER_M, LARGEST_CURVATURE_PER_M, "1/m", kinds=(CourseOfBends,)),
+    table_within(
+        -LARGEST_CURVATURE_PER_M,
+        LARGEST_CURVATURE_PER_M,
+        "1/m",
+        tables={"s_m": OverDistance, "course": CourseOfBends},
+    ),
 ]
-_Friction = Annotated[Table, form_of_table(LEAST_FRICTION, MOST_FRICTION)]
+_Friction = Annotated[Table, table_within(LEAST_FRICTION, MOST_FRICTION)]
 _Bank = Annotated[
-    Table, form_of_table(-STEEPEST_BANK_DEG, STEEPEST_BANK_DEG, "deg", factor=radians(1.0))
+    Table, table_within(-STEEPEST_BANK_DEG, STEEPEST_BANK_DEG, "deg", factor=radians(1.0))
 ]
-_Grade = Annotated[Table, form_of_table(-STEEPEST_PERCENT, STEEPEST_PERCENT, "%", factor=0.01)]
+_Grade = Annotated[Table, table_within(-STEEPEST_PERCENT, STEEPEST_PERCENT, "%", factor=0.01)]
 _Length = Annotated[float, Field(gt=0.0, strict=True)]
-_Width = Annotated[Table, form_of_table(2.0, 100.0, "m")]
+_Width = Annotated[Table, table_within(2.0, 100.0, "m")]
 
 
 class OpenDrive(FileTable):
@@ -119,8 +124,8 @@ class OpenDrive(FileTable):
         return line._replace(bank_rad=flat, grade=flat) if self.flat else line
 
 
-def _of_map(part: str, otherwise: Any, alias: str | None = None) -> Any:
-    """A field whose default is what an OpenDRIVE file has, or `otherwise` without one."""
+def _from_map(part: str, otherwise: Any, alias: str | None = None) -> Any:
+    """A field whose default is this part of the map of `opendrive`, or `otherwise` without one."""
 
     def default(read: dict[str, Any]) -> Any:
         source = read.get("opendrive")
@@ -129,7 +134,7 @@ def _of_map(part: str, otherwise: Any, alias: str | None = None) -> Any:
     return Field(default_factory=default, validate_default=True, alias=alias)
 
 
-def _of_both_sides(read: dict[str, Any]) -> Table:
+def _both_sides(read: dict[str, Any]) -> Table:
     both = read.get("friction")
     return both if isinstance(both, Table) else constant(DRY_ASPHALT)
 
@@ -139,20 +144,21 @@ class Road(FileTable):
 
     opendrive: OpenDrive | None = None
     """instead of curvature, bank, grade and length"""
-    curvature_per_m: _Curvature = _of_map("curvature_per_m", constant(0.0))
+    curvature_per_m: _Curvature = _from_map("curvature_per_m", constant(0.0))
     """positive to the left"""
     friction: _Friction | None = None
-    """default of both sides; 1 is the road of the tyre test"""
-    friction_left: _Friction = Field(default_factory=_of_both_sides)
-    """under the left wheels"""
-    friction_right: _Friction = Field(default_factory=_of_both_sides)
-    bank_rad: _Bank = _of_map("bank_rad", constant(0.0), "bank_deg")
+    """of both sides, without: 0.85; 1 is the road of the tyre test"""
+    friction_left: _Friction = Field(default_factory=_both_sides)
+    """under the left wheels, with friction_right in place of friction"""
+    friction_right: _Friction = Field(default_factory=_both_sides)
+    """under the right wheels"""
+    bank_rad: _Bank = _from_map("bank_rad", constant(0.0), "bank_deg")
     """cross slope, positive if the left side is higher"""
-    grade: _Grade = _of_map("grade", constant(0.0), "grade_percent")
+    grade: _Grade = _from_map("grade", constant(0.0), "grade_percent")
     """rise over distance, positive uphill"""
     width_m: _Width | None = None
-    """of the lane around the reference line; None: not limited"""
-    length_m: _Length = _of_map("length_m", inf)
+    """of the lane around the reference line, on which the reference has to stay"""
+    length_m: _Length = _from_map("length_m", inf)
     """the drive is over where the road ends"""
 
     @model_validator(mode="before")

@@ -1,26 +1,29 @@
-"""`Scenario`: a road, what is wanted along it, how the drive is judged; and the file of one."""
+"""`Scenario`: a road, what is wanted along it, and how the drive is judged."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
+from functools import cached_property
 from math import ceil, inf, isnan, nan, radians
 from operator import attrgetter
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
 import numpy as np
-from pydantic import AfterValidator, Field, field_validator
+from pydantic import AfterValidator, ConfigDict, Field, field_validator, model_validator
+from pydantic.dataclasses import dataclass
 
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.preview import INTERVALS, LARGEST_PER_M, REACH_S, fit_preview
 from rt_controller.contract.signals import CurvaturePreview, PathReference
 from rt_controller.contract.timing import PERIOD_S
-from sim_bridge.faults.fault import Fault, Faults
-from sim_bridge.plant.parts import NO_PAYLOAD, Payload
+from sim_bridge.faults.fault import Faults
+from sim_bridge.faults.names import name_in
+from sim_bridge.plant.parts import NO_PAYLOAD
 from sim_bridge.plant.protocol import RoadAt
 from sim_bridge.scenario.courses import Body, Course, IsoLaneChange, Slalom
-from sim_bridge.scenario.lateral import Lateral, Moves, Sine, on_road
+from sim_bridge.scenario.lateral import Lateral, Moves, Sine, to_lateral
 from sim_bridge.scenario.limits import (
     FASTEST_KMH,
     KMH_PER_MPS,
+    LARGEST_EY_M,
     LARGEST_START_EPSI_DEG,
     LARGEST_START_EY_M,
     LONGEST_S,
@@ -39,14 +42,13 @@ from sim_bridge.scenario.speed import (
 )
 from sim_bridge.scenario.table import Table, constant
 from sim_bridge.scenario.values import (
-    Form,
     NotNegative,
     OverDistance,
     OverTime,
-    Positive,
-    form_of_table,
+    Written,
+    table_within,
 )
-from sim_bridge.toml_file import FileTable, Number, at_most
+from sim_bridge.toml_file import FileTable, Number, entries
 
 PREVIEW_MIN_M = 4.0
 _CURVATURE_AT = np.linspace(0.0, 1.0, 33)
@@ -79,42 +81,137 @@ class Start(FileTable):
         Field(alias="speed_kmh", ge=0.0, le=FASTEST_KMH),
         AfterValidator(lambda kmh: kmh / KMH_PER_MPS),
     ] = nan
-    """NaN in a file: the wanted speed"""
+    """speed at the start, with engine, gear and tyres settled; without: the wanted speed"""
     s_m: NotNegative = 0.0
+    """arc length"""
     ey_m: Annotated[Number, Field(ge=-LARGEST_START_EY_M, le=LARGEST_START_EY_M)] = 0.0
+    """lateral position, positive to the left"""
     epsi_rad: Annotated[
         Number,
         Field(alias="epsi_deg", ge=-LARGEST_START_EPSI_DEG, le=LARGEST_START_EPSI_DEG),
         AfterValidator(radians),
     ] = 0.0
+    """heading against the road"""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+class Reference(FileTable):
+    """`[reference]`: what the car is asked for."""
+
+    speed_kmh: WantedSpeed
+    ey_m: Annotated[
+        Lateral | Slalom | IsoLaneChange,
+        Written(
+            {
+                "s_m": OverDistance,
+                "t_s": OverTime,
+                "moves": Moves,
+                "sine": Sine,
+                "slalom": Slalom,
+                "iso_3888_1": IsoLaneChange,
+                "iso_3888_2": IsoLaneChange,
+            },
+            to_lateral,
+            f"±{LARGEST_EY_M:g}",
+        ),
+    ] = Lateral(constant(0.0))
+
+
+class Load(FileTable):
+    """`[payload]`: a point mass in the car's plane of symmetry."""
+
+    mass_kg: Annotated[Number, Field(ge=0.0, le=1000.0)] = 0.0
+    ahead_m: Annotated[Number, Field(ge=-2.0, le=2.0)] = NO_PAYLOAD.ahead_m
+    """of the centre of gravity of the car without it; negative: behind"""
+    height_m: Annotated[Number, Field(ge=0.0, le=3.0)] = NO_PAYLOAD.height_m
+    """above the ground"""
+
+
+_MetricName = Annotated[str, name_in(Metrics._fields)]
+_Wind = Annotated[
+    Table, table_within(-STRONGEST_WIND_MPS, STRONGEST_WIND_MPS, "m/s", tables={"t_s": OverTime})
+]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True, config=ConfigDict(extra="forbid"))
 class Scenario:
-    """A drive as data; `load_scenario` reads one from a file."""
+    """A drive as data: what a scenario file of format 2 says, and what follows from it.
 
-    name: str
-    duration_s: float
+    `load_scenario` reads one from a file; `dataclasses.replace` checks the single values again.
+    """
+
+    format: Literal[2]
+    """version of the file"""
+    name: Annotated[str, Field(min_length=1)]
+    """for messages"""
+    duration_s: Annotated[Number, Field(gt=0.0, le=LONGEST_S)]
     """the drive is over after this time at the latest"""
-    start: Start
-    road: Road
-    speed: SpeedProfile
-    lateral: Lateral = field(default_factory=lambda: Lateral(constant(0.0)))
-    stops: tuple[Stop, ...] = ()
-    cross_wind_mps: Table = field(default_factory=lambda: constant(0.0))
-    """across the road over time, positive towards the left"""
-    tail_wind_mps: Table = field(default_factory=lambda: constant(0.0))
-    """along the road over time, positive: from behind"""
-    distance_m: float = inf
+    distance_m: Annotated[float, Field(gt=0.0, strict=True)] = inf
     """the drive is over when the car has come so far"""
-    payload: Payload = NO_PAYLOAD
-    course: Course = field(default_factory=Course)
-    """cones and lanes, and the body that has to pass between them"""
-    faults: tuple[Fault, ...] = ()
-    metrics: tuple[str, ...] = ()
-    """names of the figures that the drive is judged by; empty: those with a limit"""
-    limits: Mapping[str, float] = field(default_factory=dict)
-    """the worst value of a figure with which a drive passes"""
+    initial: Start = Start()
+    road: Road = Field(default_factory=Road)
+    reference: Reference
+    stops: Annotated[tuple[Stop, ...], entries(0, 1000)] = ()
+    cross_wind_mps: _Wind = constant(0.0)
+    """speed of the air across the road, positive towards the left"""
+    tail_wind_mps: _Wind = constant(0.0)
+    """speed of the air along the road, positive: from behind"""
+    payload: Load = Load()
+    body: Body = Body()
+    faults: Faults = ()
+    metrics: tuple[_MetricName, ...] = ()
+    """names of the figures that are reported; empty: those with a limit"""
+    limits: dict[_MetricName, Number] = Field(default_factory=dict)
+    """the worst value of each figure with which the drive passes"""
+
+    @field_validator("limits")
+    @classmethod
+    def _require_reachable(cls, limits: dict[str, float]) -> dict[str, float]:
+        for name, value in limits.items():
+            if value < 0.0 and name not in HIGHER_IS_BETTER:
+                raise ValueError(f"{name}: expected at least 0, found {value:g}")
+        return limits
+
+    @model_validator(mode="after")
+    def _require_course(self) -> Self:
+        _ = self._course_and_path
+        return self
+
+    @cached_property
+    def start(self) -> Start:
+        """The car at the beginning, with its speed."""
+        start = self.initial
+        if isnan(start.speed_mps):
+            return start.model_copy(update={"speed_mps": self.speed.at(start.s_m, 0.0)})
+        return start
+
+    @cached_property
+    def speed(self) -> SpeedProfile:
+        """The wanted speed along the road, without the stops."""
+        wanted = self.reference.speed_kmh
+        if isinstance(wanted, SpeedProfile):
+            return wanted
+        fastest_m = self.initial.s_m + self.duration_s * FASTEST_KMH / KMH_PER_MPS
+        return wanted.profile(self.road.curvature_per_m, min(self.end_m, fastest_m))
+
+    @cached_property
+    def all_stops(self) -> tuple[Stop, ...]:
+        """The stops in their order, with that at the end of a speed over distance."""
+        return tuple(sorted((*self.speed.stops, *self.stops), key=attrgetter("at_s_m")))
+
+    @property
+    def course(self) -> Course:
+        """Cones and lanes, and the body that has to pass between them."""
+        return self._course_and_path[0]
+
+    @property
+    def lateral(self) -> Lateral:
+        """The wanted lateral deviation."""
+        return self._course_and_path[1]
+
+    @cached_property
+    def _course_and_path(self) -> tuple[Course, Lateral]:
+        path = self.reference.ey_m
+        return (Course(self.body), path) if isinstance(path, Lateral) else path.driven_by(self.body)
 
     @property
     def ticks(self) -> int:
@@ -124,12 +221,12 @@ class Scenario:
     @property
     def end_m(self) -> float:
         """Arc length at which the drive is over."""
-        return min(self.start.s_m + self.distance_m, self.road.length_m)
+        return min(self.initial.s_m + self.distance_m, self.road.length_m)
 
     @property
     def first_progress(self) -> Progress:
         """The progress at the start: a drive with stops that begins at rest begins as after one."""
-        is_at_rest = bool(self.stops) and self.start.speed_mps < STANDING_MPS
+        is_at_rest = bool(self.all_stops) and self.start.speed_mps < STANDING_MPS
         return Progress(released_s=0.0) if is_at_rest else START
 
     def road_at(self, s_m: float, time_s: float) -> RoadAt:
@@ -145,7 +242,7 @@ class Scenario:
     ) -> float:
         """The wanted speed of a car at `s_m`; `progress` None: before the first stop."""
         progress = progress or self.first_progress
-        return reference_speed(self.speed, self.stops, progress, s_m, time_s)
+        return reference_speed(self.speed, self.all_stops, progress, s_m, time_s)
 
     def path_ahead(
         self, s_m: float, vx_mps: float, time_s: float = 0.0, progress: Progress | None = None
@@ -210,13 +307,13 @@ class Scenario:
         """
         sides = {"friction_left": friction, "friction_right": friction if right is None else right}
         update = {side: constant(found) for side, found in sides.items() if found is not None}
-        return replace(self, road=self.road.model_copy(update=update))
+        return replace(self, road=self.road.model_copy(update=update)) if update else self
 
     def _acceleration_ahead(
         self, speed_mps: float, s_m: float, time_s: float, progress: Progress
     ) -> float:
         """Slope of the wanted speed over the preview; where it reaches zero, up to there."""
-        if self.speed.is_constant and progress.released_s is None and not self.stops:
+        if self.speed.is_constant and progress.released_s is None and not self.all_stops:
             return 0.0
         if progress.is_holding:
             return 0.0
@@ -231,90 +328,3 @@ class Scenario:
             if now_mps == 0.0 and speed_mps > 0.0:
                 break
         return product / square
-
-
-class Reference(FileTable):
-    """`[reference]`: what the car is asked for."""
-
-    speed_kmh: WantedSpeed
-    ey_m: Annotated[
-        Lateral | Slalom | IsoLaneChange,
-        Form((OverDistance, OverTime), on_road, (Moves, Sine, Slalom, IsoLaneChange)),
-    ] = Lateral(constant(0.0))
-
-
-class LimitedPayload(FileTable):
-    """`[payload]`: a load in the car, within the limits of a file."""
-
-    mass_kg: Annotated[Number, Field(ge=0.0, le=1000.0)]
-    ahead_m: Annotated[Number, Field(ge=-2.0, le=2.0)] = NO_PAYLOAD.ahead_m
-    height_m: Annotated[Number, Field(ge=0.0, le=3.0)] = NO_PAYLOAD.height_m
-
-
-def _known_metric(name: str) -> str:
-    if name not in Metrics._fields:
-        raise ValueError(f"expected one of {', '.join(Metrics._fields)}, found {name!r}")
-    return name
-
-
-_MetricName = Annotated[str, AfterValidator(_known_metric)]
-_Wind = Annotated[
-    Table, form_of_table(-STRONGEST_WIND_MPS, STRONGEST_WIND_MPS, "m/s", over=OverTime)
-]
-
-
-class ScenarioFile(FileTable):
-    """A whole file of format 2."""
-
-    format: Literal[2]
-    name: Annotated[str, Field(min_length=1)]
-    duration_s: Annotated[Number, Field(gt=0.0, le=LONGEST_S)]
-    distance_m: Positive = inf
-    initial: Start = Start()
-    road: Road = Field(default_factory=Road)
-    reference: Reference
-    stops: Annotated[tuple[Stop, ...], at_most(1000)] = ()
-    cross_wind_mps: _Wind = constant(0.0)
-    tail_wind_mps: _Wind = constant(0.0)
-    payload: LimitedPayload | None = None
-    body: Body = Body()
-    faults: Faults = ()
-    metrics: tuple[_MetricName, ...] = ()
-    limits: dict[_MetricName, Number] = Field(default_factory=dict)
-
-    @field_validator("limits")
-    @classmethod
-    def _reachable(cls, limits: dict[str, float]) -> dict[str, float]:
-        for name, value in limits.items():
-            if value < 0.0 and name not in HIGHER_IS_BETTER:
-                raise ValueError(f"{name}: expected at least 0, found {value:g}")
-        return limits
-
-    def scenario(self) -> Scenario:
-        """The drive.
-
-        Raises:
-            ValueError: fields do not fit each other; the message names them.
-        """
-        road, start, path = self.road, self.initial, self.reference.ey_m
-        end_m = min(road.length_m, start.s_m + self.distance_m)
-        fastest_m = start.s_m + self.duration_s * FASTEST_KMH / KMH_PER_MPS
-        speed = self.reference.speed_kmh
-        if not isinstance(speed, SpeedProfile):
-            speed = speed.on_road(road.curvature_per_m, min(end_m, fastest_m))
-        if isinstance(path, Lateral):
-            course, lateral = Course(self.body), path
-        else:
-            course, lateral = path.driven_by(self.body)
-        if isnan(start.speed_mps):
-            start = start.model_copy(update={"speed_mps": speed.at(start.s_m, 0.0)})
-        same = ("name", "duration_s", "distance_m", "road", "cross_wind_mps", "tail_wind_mps")
-        return Scenario(
-            start=start,
-            speed=speed,
-            lateral=lateral,
-            stops=tuple(sorted((*speed.stops, *self.stops), key=attrgetter("at_s_m"))),
-            payload=NO_PAYLOAD if self.payload is None else Payload(**dict(self.payload)),
-            course=course,
-            **{name: getattr(self, name) for name in (*same, "faults", "metrics", "limits")},
-        )

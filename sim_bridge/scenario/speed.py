@@ -12,11 +12,10 @@ from pydantic import Field
 from sim_bridge.scenario.limits import FASTEST_KMH, KMH_PER_MPS, SLOWEST_KMH
 from sim_bridge.scenario.table import Table, constant, through
 from sim_bridge.scenario.values import (
-    Form,
     NotNegative,
     OverDistance,
     OverTime,
-    Positive,
+    Written,
     require_within,
 )
 from sim_bridge.toml_file import FileTable, Number
@@ -34,8 +33,9 @@ class Stop(FileTable):
     """`[[stops]]`: brake to rest at a place, hold, drive on."""
 
     at_s_m: NotNegative
+    """target"""
     hold_s: NotNegative = inf
-    """inf: to the end of the drive"""
+    """without: to the end of the drive"""
     deceleration_mps2: _Acceleration = 2.5
     acceleration_mps2: _Acceleration = 2.0
 
@@ -89,7 +89,7 @@ class CurveSpeed(FileTable):
     acceleration_mps2: _Acceleration = 1.5
     deceleration_mps2: _Acceleration = 2.5
 
-    def on_road(
+    def profile(
         self, curvature: Table, end_m: float, fastest_mps: Table | None = None
     ) -> SpeedProfile:
         """The fastest speed within its limits: first by curvature, then backwards, then forwards.
@@ -114,37 +114,11 @@ class CurveSpeed(FileTable):
         return speed_over_distance(s_m.tolist(), np.sqrt(squared).tolist())
 
 
-class StopAndGo(FileTable):
-    """Equal distances between stops."""
-
-    kind: Literal["stop_and_go"]
-    cruise_kmh: _Cruise
-    first_stop_s_m: Positive
-    spacing_m: Positive
-    count: Annotated[int, Field(ge=1, le=1000, strict=True)]
-    hold_s: NotNegative = 3.0
-    deceleration_mps2: _Acceleration = 2.5
-    acceleration_mps2: _Acceleration = 2.0
-
-    def on_road(self, curvature: Table, end_m: float) -> SpeedProfile:
-        """The cruise, with its stops."""
-        stops = tuple(
-            Stop.model_construct(
-                at_s_m=self.first_stop_s_m + k * self.spacing_m,
-                hold_s=self.hold_s,
-                deceleration_mps2=self.deceleration_mps2,
-                acceleration_mps2=self.acceleration_mps2,
-            )
-            for k in range(self.count)
-        )
-        return SpeedProfile(constant(self.cruise_kmh / KMH_PER_MPS), stops=stops)
+Speed = SpeedProfile | CurveSpeed
 
 
-Speed = SpeedProfile | CurveSpeed | StopAndGo
-
-
-def _wanted(found: Any) -> Speed:
-    """The speed of a file, in km/h, as a profile or a kind."""
+def _to_speed(found: Any) -> Speed:
+    """The speed that a file gives in km/h."""
     if isinstance(found, Speed):
         return found
     if isinstance(found, int | float):
@@ -180,7 +154,14 @@ def _stop_at_end(s_m: Sequence[float], mps: Sequence[float]) -> tuple[Stop, ...]
     return (Stop.model_construct(at_s_m=s_m[k], deceleration_mps2=steepest),)
 
 
-WantedSpeed = Annotated[Speed, Form((OverDistance, OverTime), _wanted, (CurveSpeed, StopAndGo))]
+WantedSpeed = Annotated[
+    Speed,
+    Written(
+        {"s_m": OverDistance, "t_s": OverTime, "curve_speed": CurveSpeed},
+        _to_speed,
+        f"0, {SLOWEST_KMH:g}..{FASTEST_KMH:g}",
+    ),
+]
 
 
 class Progress(NamedTuple):

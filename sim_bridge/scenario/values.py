@@ -3,11 +3,21 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from datetime import date, time
+from functools import reduce
 from itertools import pairwise
-from typing import Annotated, Any, ClassVar, Self, get_args
+from operator import or_
+from types import MappingProxyType
+from typing import Annotated, Any, ClassVar, Self
 
-from pydantic import Field, GetCoreSchemaHandler, model_validator
-from pydantic_core import CoreSchema, core_schema
+from pydantic import (
+    AfterValidator,
+    Discriminator,
+    Field,
+    GetCoreSchemaHandler,
+    Tag,
+    model_validator,
+)
+from pydantic_core import CoreSchema
 
 from sim_bridge.scenario.table import Interpolation, Table, constant, through
 from sim_bridge.toml_file import FileTable, Number
@@ -72,43 +82,45 @@ class OverTime(Knots):
     t_s: _Places
 
 
-@dataclass(frozen=True)
-class Form:
-    """What a field accepts, as its annotation: a number, knots over its axes, or its kinds.
+@dataclass(frozen=True, eq=False)
+class Written:
+    """How a file may give the value of a field: a number, or one of some tables.
 
-    A value that is not from a file is passed to `then` as it is.
+    It is the annotation of the field. A value that is not of a file, such as a `Table`, is passed
+    to `convert` as it is.
     """
 
-    axes: tuple[type[Knots], ...]
-    then: Callable[[Any], Any]
+    tables: Mapping[str, type[FileTable]]
+    """by their axis (knots over s_m or t_s) or their kind"""
+    convert: Callable[[Any], Any]
     """from what was read to the value of the field"""
-    kinds: tuple[type[FileTable], ...] = ()
+    limits: str
+    """in words"""
+
+    @property
+    def forms(self) -> str:
+        """What a file may write."""
+        axes = {name: f"table over {name}" for name in (OverDistance.axis, OverTime.axis)}
+        return ", ".join(("number", *(axes.get(name, name) for name in self.tables)))
 
     def __get_pydantic_core_schema__(
         self, source: Any, handler: GetCoreSchemaHandler
     ) -> CoreSchema:
-        """The number, table or kind by its tag, then `then`."""
-        kinds = {
-            kind: table
-            for table in self.kinds
-            for kind in get_args(table.model_fields["kind"].annotation)
-        }
-        tables = {each.axis: each for each in self.axes} | kinds
-        choices = {f"({tag})": handler.generate_schema(table) for tag, table in tables.items()}
-        choices |= {_NUMBER: handler.generate_schema(Number), _OBJECT: core_schema.any_schema()}
-        axes = " or ".join(each.axis for each in self.axes)
-        known = f", or kind = {', '.join(kinds)} with its fields" if kinds else ""
-        form = core_schema.tagged_union_schema(
-            choices,
-            _tag,
-            custom_error_type="scenario_form",
-            custom_error_message=f"expected a number, a table with value and {axes}{known}",
-        )
-        return core_schema.no_info_after_validator_function(self.then, form)
+        """The number or the table by its tag, then `convert`."""
+        members: list[Any] = [
+            Annotated[table, Tag(f"({name})")] for name, table in self.tables.items()
+        ]
+        members += [Annotated[Number, Tag(_NUMBER)], Annotated[Any, Tag(_OBJECT)]]
+        expected = f"expected one of these: {self.forms}"
+        form: Any = Annotated[
+            reduce(or_, members),
+            Discriminator(_tag, custom_error_type="form", custom_error_message=expected),
+            AfterValidator(self.convert),
+        ]
+        return handler.generate_schema(form)
 
 
 _NUMBER, _OBJECT = "(number)", "(object)"
-"""tags are in parentheses, so that messages can leave them out"""
 
 
 def _tag(raw: Any) -> str | None:
@@ -120,26 +132,20 @@ def _tag(raw: Any) -> str | None:
     return None if is_of_a_file else _OBJECT
 
 
-def is_tag(part: str | int) -> bool:
-    """True if a part of an error's place is a tag and not a field."""
-    return isinstance(part, str) and part.startswith("(")
-
-
-def form_of_table(
+def table_within(
     low: float,
     high: float,
     unit: str = "",
     *,
     factor: float = 1.0,
-    over: type[Knots] = OverDistance,
-    kinds: tuple[type[FileTable], ...] = (),
-) -> Form:
-    """The form of a `Table` in SI units, of a field with limits in its own `unit`.
+    tables: Mapping[str, type[FileTable]] = MappingProxyType({"s_m": OverDistance}),
+) -> Written:
+    """A field that is a `Table` in SI units, with limits in its own `unit`.
 
     `factor` converts to SI.
     """
 
-    def then(found: Any) -> Table:
+    def convert(found: Any) -> Table:
         if isinstance(found, Table):  # of a map, in SI units
             require_within(found.scaled(1.0 / factor), low, high, unit)
             return found
@@ -147,7 +153,8 @@ def form_of_table(
         require_within(table, low, high, unit)
         return table if factor == 1.0 else table.scaled(factor)
 
-    return Form((over,), then, kinds)
+    span = f"±{high:g}" if low == -high else f"{low:g}..{high:g}"
+    return Written(tables, convert, span)
 
 
 def require_within(table: Table, low: float, high: float, unit: str) -> None:

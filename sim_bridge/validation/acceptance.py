@@ -82,10 +82,8 @@ TESTS = _load_table()
 """by the number of the test"""
 
 
-def drive_all(car: str | None = None) -> tuple[list[LineResult], dict[int, Measured]]:
-    """The lines of all tests and what was measured, driven with `car` or the cars of each test.
-
-    Of a test with several cars the measurement is that of the first.
+def drive_all(car: str | None = None) -> list[LineResult]:
+    """The lines of all tests, driven with `car` or the cars of each test.
 
     Raises:
         ConfigError: there is no such car.
@@ -96,15 +94,11 @@ def drive_all(car: str | None = None) -> tuple[list[LineResult], dict[int, Measu
         return MANOEUVRES[manoeuvre](load_parameters(name))
 
     results: list[LineResult] = []
-    measured: dict[int, Measured] = {}
     for number, test in TESTS.items():
         for name in (car,) if car else test.cars:
             one = drive(test.manoeuvre, name)
-            measured.setdefault(number, one)
-            results += [
-                check_line(number, test, line, one.values[line.name], name) for line in test.lines
-            ]
-    return results, measured
+            results += [check_line(number, test, line, one[line.name], name) for line in test.lines]
+    return results
 
 
 def check_line(

@@ -17,7 +17,6 @@ from sim_bridge.validation.driver_model import (
 )
 from sim_bridge.validation.run import (
     PER_KMH,
-    Curve,
     Measured,
     cruising_throttle,
     input_table,
@@ -49,7 +48,7 @@ def slow_steer(car: Parameters) -> Measured:
     road_wheel_deg = np.degrees(run.column("road_wheel_rad"))
     left, right = run.loads_n[:, ::2], run.loads_n[:, 1::2]
     front, rear = (slope(run.lateral_g, n, linear) for n in (right - left).T)
-    values = {
+    return {
         "steering wheel angle at 0.3 g": crossing(run.steer_deg, run.lateral_g, 0.3),
         "steering effort": effort_degpg,
         "understeer, road wheel": slope(run.lateral_g, road_wheel_deg, linear) - turn_degpg,
@@ -60,10 +59,6 @@ def slow_steer(car: Parameters) -> Measured:
         "load transfer, front axle": front,
         "load transfer, rear axle": rear,
     }
-    shown = {"steering wheel": run.steer_deg, "roll": run.roll_deg, "sideslip": run.sideslip_deg}
-    title = "lateral acceleration / g"
-    curves = tuple(Curve(title, f"{name} / deg", run.lateral_g, y) for name, y in shown.items())
-    return Measured(values, curves)
 
 
 def lane_change(car: Parameters) -> Measured:
@@ -72,7 +67,7 @@ def lane_change(car: Parameters) -> Measured:
     model = fit_driver_model(car, v0_mps)
     driver = PreviewDriver(lambda x: np.interp(x, _PATH_X_M, _PATH_Y_M), _PREVIEW_S, model, _LEAD_S)
     run = run_driver(car, v0_mps, driver, 7.0, DRIVER_PERIOD_S)
-    values = {
+    return {
         "peak lateral acceleration": peak(run.lateral_g),
         "peak yaw rate": peak(run.yaw_rate_degps),
         "peak sideslip": peak(run.sideslip_deg),
@@ -80,13 +75,6 @@ def lane_change(car: Parameters) -> Measured:
         "largest steering wheel angle to the right": float(run.steer_deg.min()),
         "largest steering wheel angle to the left": float(run.steer_deg.max()),
     }
-    curves = (
-        Curve("distance ahead / m", "lateral position / m", _PATH_X_M, _PATH_Y_M, "path"),
-        Curve("distance ahead / m", "lateral position / m", run.x_m, run.y_m),
-        Curve("time / s", "steering wheel / deg", run.time_s, run.steer_deg),
-        Curve("time / s", "yaw rate / (deg/s)", run.time_s, run.yaw_rate_degps),
-    )
-    return Measured(values, curves)
 
 
 def ramps(car: Parameters) -> Measured:
@@ -104,7 +92,7 @@ def ramps(car: Parameters) -> Measured:
             f"roll at {angle_rad} rad": step_response(run.time_s, run.roll_deg, 0.0).steady,
             f"rise time at {angle_rad} rad": yaw_rate.t90_s,
         }
-    return Measured(values)
+    return values
 
 
 def step_steer(car: Parameters) -> Measured:
@@ -120,13 +108,11 @@ def step_steer(car: Parameters) -> Measured:
         # A car that does not turn has no such angle.
         angle_rad *= 4.0 / lateral.steady if lateral.steady > 0.0 else nan
     yaw_rate = step_response(run.time_s, run.yaw_rate_degps, step_s)
-    return Measured(
-        {
-            "t90 of yaw rate": yaw_rate.t90_s,
-            "overshoot of yaw rate": 100.0 * yaw_rate.overshoot,
-            "t90 of lateral acceleration": lateral.t90_s,
-        }
-    )
+    return {
+        "t90 of yaw rate": yaw_rate.t90_s,
+        "overshoot of yaw rate": 100.0 * yaw_rate.overshoot,
+        "t90 of lateral acceleration": lateral.t90_s,
+    }
 
 
 def sines(car: Parameters) -> Measured:
@@ -143,7 +129,7 @@ def sines(car: Parameters) -> Measured:
                 f"lateral gain {at}": 100.0 * abs(lateral),
                 f"roll {at}": abs(roll),
             }
-    return Measured(values)
+    return values
 
 
 def _response(car: Parameters, kmh: float, steer_deg: float, hz: float) -> tuple[complex, ...]:
@@ -171,12 +157,10 @@ def cross_wind(car: Parameters) -> Measured:
     windy = np.tile(car.road._replace(wind_left_mps=-20.0), (200, 1))
     inputs = input_table(200, cruising_throttle(car, v0_mps))
     run = replay(car, v0_mps, inputs, 0.01, roads=windy)
-    return Measured(
-        {
-            "lateral deviation after 2 s": float(run.y_m[-1]),
-            "peak yaw rate": peak(run.yaw_rate_degps),
-        }
-    )
+    return {
+        "lateral deviation after 2 s": float(run.y_m[-1]),
+        "peak yaw rate": peak(run.yaw_rate_degps),
+    }
 
 
 LATERAL = (slow_steer, lane_change, ramps, step_steer, sines, cross_wind)

@@ -9,7 +9,6 @@ from sim_bridge.plant.parameters import Parameters, with_road_friction
 from sim_bridge.validation.driver_model import SpeedControl
 from sim_bridge.validation.run import (
     PER_KMH,
-    Curve,
     Measured,
     Observation,
     Run,
@@ -47,16 +46,14 @@ def braking(car: Parameters) -> Measured:
             locked += bool((rims_mps[fast] < 0.05 * one.speed_mps[fast, None]).any())
             rear_first += rear_locked_first(rims_mps, one.speed_mps)
     has_anti_lock = car.anti_lock.slip > 0.0
-    return Measured(
-        {
-            "deceleration with 150 N": mean_deceleration(run, v0_mps) / GRAVITY_MPS2,
-            "stopping distance from 100 km/h, 150 N": _stop_m(run),
-            "stopping distance from 100 km/h, full pedal": _stop_m(full),
-            "brakings in which a wheel locks above 15 km/h": locked if has_anti_lock else nan,
-            # Anti-lock with brake-force distribution decides it by construction.
-            "brakings in which a rear wheel locks first": nan if has_anti_lock else rear_first,
-        }
-    )
+    return {
+        "deceleration with 150 N": mean_deceleration(run, v0_mps) / GRAVITY_MPS2,
+        "stopping distance from 100 km/h, 150 N": _stop_m(run),
+        "stopping distance from 100 km/h, full pedal": _stop_m(full),
+        "brakings in which a wheel locks above 15 km/h": locked if has_anti_lock else nan,
+        # Anti-lock with brake-force distribution decides it by construction.
+        "brakings in which a rear wheel locks first": nan if has_anti_lock else rear_first,
+    }
 
 
 def acceleration(car: Parameters) -> Measured:
@@ -67,16 +64,11 @@ def acceleration(car: Parameters) -> Measured:
         for share in (0.1, 0.2, 0.35, 0.6, 1.0)
     )
     released = _held(car, 80.0 * PER_KMH, 2.0)
-    values = {
+    return {
         "0-100 km/h": crossing(run.time_s, 3.6 * run.speed_mps, 100.0),
         "shift reversals at a constant pedal": float(sum(map(reversals, gears))),
         "deceleration with the pedals released, 80 km/h": -_mean_g(released, slice(50, 150)),
     }
-    curves = (
-        Curve("time / s", "speed / (km/h)", run.time_s, 3.6 * run.speed_mps),
-        Curve("time / s", "engine or motor / rpm", run.time_s, run.column("engine_rpm")),
-    )
-    return Measured(values, curves)
 
 
 def part_throttle(car: Parameters) -> Measured:
@@ -106,26 +98,23 @@ def part_throttle(car: Parameters) -> Measured:
         "engine speed at 120 km/h": float(cruise.column("engine_rpm")[-1]),
         "coast-down from 120 to 80 km/h": crossing(coast.time_s, -3.6 * coast.speed_mps, -80.0),
     }
-    return Measured(values)
+    return values
 
 
 def braking_in_a_turn(car: Parameters) -> Measured:
     """After ISO 7975: R = 100 m at 80 km/h, steering held; pedals released, 0.3 g and 0.5 g."""
     pedals_n = {"pedals released": 0.0} | {f"{g} g": _pedal_n(car, g) for g in (0.3, 0.5)}
     values: dict[str, float] = {}
-    curves = []
     for name, brake_n in pedals_n.items():
         run = _turn(car, brake_n)
         begin, one_s_later = round(_STEADY_S / run.period_s), round(1.0 / run.period_s)
-        time_s, yaw_rate = run.time_s[begin:] - _STEADY_S, run.yaw_rate_degps[begin:]
+        yaw_rate = run.yaw_rate_degps[begin:]
         sideslip_deg = run.sideslip_deg[begin:]
         values |= {
             f"yaw rate after 1 s over that before, {name}": yaw_rate[one_s_later] / yaw_rate[0],
             f"largest sideslip, {name}": peak(sideslip_deg[run.speed_mps[begin:] > 5.0]),
         }
-        curves.append(Curve("time / s", "yaw rate / (deg/s)", time_s, yaw_rate, name))
-        curves.append(Curve("time / s", "sideslip / deg", time_s, sideslip_deg, name))
-    return Measured(values, tuple(curves))
+    return values
 
 
 def _turn(car: Parameters, brake_n: float) -> Run:
@@ -154,14 +143,12 @@ def split_friction(car: Parameters) -> Measured:
         _held(split, 80.0 * PER_KMH, 2.0, brake_n=pedal_n)
         for pedal_n in (_pedal_n(split, 3.8 / GRAVITY_MPS2), _FULL_PEDAL_N)
     )
-    return Measured(
-        {
-            "yaw rate after 1 s": float(run.yaw_rate_degps[100]),
-            "lateral offset after 1 s": float(run.y_m[100]),
-            "largest sideslip within 2 s": peak(run.sideslip_deg),
-            "largest sideslip within 2 s, full pedal": peak(full.sideslip_deg),
-        }
-    )
+    return {
+        "yaw rate after 1 s": float(run.yaw_rate_degps[100]),
+        "lateral offset after 1 s": float(run.y_m[100]),
+        "largest sideslip within 2 s": peak(run.sideslip_deg),
+        "largest sideslip within 2 s, full pedal": peak(full.sideslip_deg),
+    }
 
 
 def standstill(car: Parameters) -> Measured:
@@ -176,17 +163,15 @@ def standstill(car: Parameters) -> Measured:
     held = _held(uphill, 0.0, 20.0, brake_n=100.0)
     creep_mm = 1e3 * float(np.ptp(held.x_m[-1000:]))
     kingpins_nm = wheel_nm * car.steering.ratio - car.steering.friction_nm
-    return Measured(
-        {
-            "front wheel load at rest": float(np.mean(at_rest.loads_n[-1, :2])),
-            "rear wheel load at rest": float(np.mean(at_rest.loads_n[-1, 2:])),
-            "speed backwards after a stop": float(np.maximum(0.0, -1e3 * stop.speed_mps.min())),
-            "smallest yaw rate at walking pace": float(np.min(walking)),
-            "largest yaw rate at walking pace": float(np.max(walking)),
-            "torque about the kingpins at standstill": float(kingpins_nm),
-            "creep in 10 s with the brake on a grade of 20 %": creep_mm,
-        }
-    )
+    return {
+        "front wheel load at rest": float(np.mean(at_rest.loads_n[-1, :2])),
+        "rear wheel load at rest": float(np.mean(at_rest.loads_n[-1, 2:])),
+        "speed backwards after a stop": float(np.maximum(0.0, -1e3 * stop.speed_mps.min())),
+        "smallest yaw rate at walking pace": float(np.min(walking)),
+        "largest yaw rate at walking pace": float(np.max(walking)),
+        "torque about the kingpins at standstill": float(kingpins_nm),
+        "creep in 10 s with the brake on a grade of 20 %": creep_mm,
+    }
 
 
 def _walking_share(car: Parameters, angle_deg: float) -> float:

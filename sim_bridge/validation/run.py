@@ -86,21 +86,8 @@ class Run:
         return self.outputs[:, PlantOutputs._fields.index(name)]
 
 
-class Curve(NamedTuple):
-    """A curve of the page; curves with the same axes share a panel."""
-
-    x_title: str
-    y_title: str
-    x: Array
-    y: Array
-    name: str = "car"
-
-
-class Measured(NamedTuple):
-    """The result of a manoeuvre: values by the name of the line, and curves of the page."""
-
-    values: dict[str, float]
-    curves: tuple[Curve, ...] = ()
+Measured = dict[str, float]
+"""the result of a manoeuvre: values by the name of the line"""
 
 
 def input_table(

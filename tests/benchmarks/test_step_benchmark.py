@@ -21,11 +21,10 @@ from rt_controller.bus.transport import open_bus
 from rt_controller.config import MpcSettings
 from rt_controller.contract.signals import ControlInput, Mode, PathReference, VehicleState
 from rt_controller.contract.timing import PERIOD_NS
+from rt_controller.control.eq14 import CondensedQp
 from rt_controller.control.lift import Encoder
 from rt_controller.control.mpc import Mpc
-from rt_controller.control.pedals import PedalChoice
 from rt_controller.control.program import SolveStatus
-from rt_controller.control.qp import CondensedQp
 from rt_controller.control.warm_start import open_solver
 from rt_controller.model.artifact import load_bundle, shipped_model
 from rt_controller.model.bundle import Bundle
@@ -96,7 +95,7 @@ def test_update_vectors(benchmark, bundle: Bundle) -> None:
     """From the parameters to the vectors of the QP."""
     settings = MpcSettings()
     qp = CondensedQp(bundle, settings.horizon, settings.cost())
-    benchmark(qp.update_vectors, PedalChoice())
+    benchmark(qp.update_vectors)
     assert np.all(np.isfinite(qp.program.q))
 
 

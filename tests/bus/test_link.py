@@ -40,7 +40,7 @@ from rt_controller.contract.signals import Mode
 from rt_controller.contract.timing import PERIOD_NS
 
 OK, OTHER, ERROR, NOTHING = "OK", "OTHER", "ERROR", "NONEWDATA"
-CODECS = {16: COMMAND.codecs[0], 128: MISSION.codecs[0], 256: COMMAND.fd_codecs[0]}
+CODECS = {16: COMMAND.codecs[0], 128: MISSION.codecs[0]}
 """by the number of their counters"""
 
 
@@ -84,9 +84,7 @@ def add(link: Link, status: str) -> str:
 
 
 def counts_after(codec: FrameCodec, *counters: int) -> ReceptionCounts:
-    sender = COMMAND.sender if codec in COMMAND.codecs + COMMAND.fd_codecs else MISSION.sender
-    receiver = Node.VEHICLE if sender is Node.CONTROLLER else Node.CONTROLLER
-    inbox = Inbox(receiver, is_fd=codec.is_fd)
+    inbox = Inbox(Node.VEHICLE if codec in COMMAND.codecs else Node.CONTROLLER)
     values = tuple([1.0] * codec.n_values)
     for counter in counters:
         inbox.accept(can_frame(codec, codec.write(values, counter)), 0)
@@ -170,7 +168,7 @@ def test_a_mission_ends_after_several_frames_in_a_row(script, expected):
 
 
 def test_another_catalogue_is_that_of_several_identities_in_a_row():
-    peer = PeerCatalogue(is_fd=False)
+    peer = PeerCatalogue()
     assert not peer.is_another(None)
     for place, (identity, is_another) in enumerate(
         [

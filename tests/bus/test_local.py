@@ -136,23 +136,16 @@ time.sleep(60.0)
 """
 
 
-def test_the_last_member_removes_the_folder(join):
+def test_a_closed_bus_raises_and_the_last_member_removes_the_folder(join):
     one, other = join(), join()
     folder = one._folder
     close_bus(one)
+    for use in (lambda: one.recv(0.01), lambda: one.send(frame(1))):
+        with pytest.raises(can.CanOperationError):
+            use()
     assert folder.exists()
     close_bus(other)
     assert not folder.exists()
-
-
-def test_a_closed_bus_raises(join):
-    bus = join()
-    join()
-    close_bus(bus)
-    with pytest.raises(can.CanOperationError):
-        bus.recv(0.01)
-    with pytest.raises(can.CanOperationError):
-        bus.send(frame(1))
 
 
 def test_frames_that_are_too_long_and_unknown_options_are_refused(join):

@@ -32,15 +32,8 @@ from rt_controller.bus.messages import (
 from rt_controller.bus.receive import Inbox
 from rt_controller.bus.send import Outbox
 from rt_controller.bus.transport import open_bus
-from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.faults import Fault, Refusal
 from rt_controller.contract.limits import INPUT_LIMITS
-from rt_controller.contract.signal_ranges import (
-    LARGEST_PATH,
-    LARGEST_STATE,
-    SMALLEST_PATH,
-    SMALLEST_STATE,
-)
 from rt_controller.contract.signals import (
     ControlInput,
     CurvaturePreview,
@@ -146,8 +139,8 @@ def test_a_content_with_an_impossible_value_is_not_decoded(message, content):
 CENTIDEG = radians(0.01)
 inputs = st.builds(ControlInput, *map(st.floats, INPUT_LIMITS.lower, INPUT_LIMITS.upper))
 previews = st.builds(CurvaturePreview, st.floats(0.05, 65.5), *[st.floats(-0.16, 0.16)] * 5)
-paths = st.builds(PathReference, *map(st.floats, SMALLEST_PATH, LARGEST_PATH))
-states = st.builds(VehicleState, *map(st.floats, SMALLEST_STATE, LARGEST_STATE))
+paths = st.builds(PathReference, *(st.floats(*range_) for range_ in REFERENCE.ranges))
+states = st.builds(VehicleState, *(st.floats(*range_) for range_ in STATE.ranges[:6]))
 
 
 @given(inputs, st.sampled_from(Mode), previews, paths, states)
@@ -226,9 +219,3 @@ def test_a_message_of_an_extended_dbc_is_sent_and_received(catalogue):
     assert (newest.counter, newest.arrival_ns) == (2, 7)
     assert trial.sender is Node.VEHICLE
     assert trial.cycle_ms == 10 * PERIOD_MS
-
-
-def test_frames_of_different_senders_make_no_message(catalogue):
-    command = FrameSpec("ACT_CMD", "Mode", ("Throttle", "BrakeForce", "SteeringWheelAngle"))
-    with pytest.raises(ConfigError, match="ACT_CMD, TRIAL with one sender"):
-        catalogue.define(command, TRIAL_FRAME, cycle_ticks=1, encode=tuple, decode=tuple)

@@ -260,9 +260,8 @@ def test_a_corner_is_driven_near_its_path(scenario, car, tmp_path):
 
 
 def test_a_car_stops_and_starts_inside_its_turn():
-    speed = {"kind": "stop_and_go", "cruise_kmh": 7.2, "first_stop_s_m": 20.0, "spacing_m": 20.0,
-             "count": 1, "hold_s": 2.0}  # fmt: skip
-    driven = simulate(u_turn(reference={"speed_kmh": speed}, initial={"speed_kmh": 0.0}))
+    stops = [{"at_s_m": 20.0, "hold_s": 2.0}]
+    driven = simulate(u_turn(reference={"speed_kmh": 7.2}, initial={"speed_kmh": 0.0}, stops=stops))
     assert {Mode.STANDSTILL, Mode.LOW_SPEED} <= set(driven.modes)
     assert Mode.SAFE_STOP not in driven.modes
     assert driven.errors.ey_peak_m < LARGEST_EY_M

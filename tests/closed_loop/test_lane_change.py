@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from made_frames import decode_frames
 from made_models import WITH_ALL, make_bundle
-from virtual_drive import SHORT_LANE_CHANGE, drive
+from virtual_drive import drive
 
 from rt_controller.bus.messages import FEEDBACK, STATE
 from rt_controller.contract.signals import VehicleState
@@ -75,21 +75,6 @@ def test_in_real_time_the_car_runs_beside_the_controller(tmp_path):
     assert figures["ticks"] + figures["skipped_ticks"] >= 60
     assert figures["ey_peak_m"] <= 0.3
     assert figures["wake_us"]["max"] > 0.0
-
-
-def test_a_drive_over_can_fd_is_that_over_classic_can(tmp_path):
-    """Up to the one tick by which the first frames differ, the same contents: the same drive."""
-    found = []
-    for name, options in (("classic", ()), ("fd", ("--fd",))):
-        folder = tmp_path / name
-        folder.mkdir()
-        log = str(folder / "drive.log")
-        scenario = ("--scenario", SHORT_LANE_CHANGE, "--record", log)
-        found.append(drive(folder, "lti", *scenario, *options))
-    classic, fast = found
-    for key in ("ticks", "ey_rms_m", "ey_peak_m", "vx_rms_mps", "ending", "ticks_by_fault"):
-        assert fast[key] == classic[key], key
-    assert "##0" in (tmp_path / "fd" / "drive.log").read_text()
 
 
 STEPS = WITH_ALL.history_steps

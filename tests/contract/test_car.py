@@ -12,6 +12,7 @@ from rt_controller import ControllerConfig, simulate
 from rt_controller.bus.messages import Command
 from rt_controller.contract.car import DEFAULT_CAR, RANGES, THRESHOLDS, UNNAMED_CAR, Car, car_of
 from rt_controller.contract.faults import NO_REFUSAL, Refusal, StopCause
+from rt_controller.contract.quantities import Quantity
 from rt_controller.contract.signals import AT_REST, NEUTRAL_INPUT, Mode, PathReference
 from rt_controller.contract.timing import PERIOD_S
 from rt_controller.control.program import SolveStatus
@@ -19,9 +20,8 @@ from rt_controller.mapping.tables import CarData
 from rt_controller.model.artifact import load_bundle, save_bundle, shipped_model
 from rt_controller.model.bundle import Bundle
 from rt_controller.node import build_mpc
-from rt_controller.safety.checks import CHECKS, Quantity, checks_of
-from rt_controller.safety.coast_model import Cornering
-from rt_controller.safety.fallback import braking_for
+from rt_controller.safety.checks import CHECKS, checks_of
+from rt_controller.safety.stop import braking_for
 from rt_controller.vehicle.vehicle_envelope import OwnMotion, refusals
 
 TABLE = """
@@ -108,10 +108,10 @@ def test_the_envelope_of_the_vehicle_is_that_of_its_car():
 
 
 def test_a_stop_of_a_car_with_a_stronger_brake_needs_less_force():
-    usual = braking_for(StopCause.NONE, True, Cornering())
-    found = braking_for(StopCause.NONE, True, Cornering(), force_scale=OWN.force_scale)
+    usual = braking_for(StopCause.NONE, True, AT_REST, 0.0)
+    found = braking_for(StopCause.NONE, True, AT_REST, 0.0, force_scale=OWN.force_scale)
     assert found == (0.5 * usual.most_n, 0.5 * usual.rate_n_per_s)
-    full = braking_for(StopCause.STEERING_MISMATCH, True, Cornering(), force_scale=0.1)
+    full = braking_for(StopCause.STEERING_MISMATCH, True, AT_REST, 0.0, force_scale=0.1)
     assert full == (15.0, 50.0)
 
 

@@ -4,7 +4,6 @@ from math import atan, cos, radians, sin
 
 import pytest
 
-from rt_controller.bus.messages import REFERENCE, STATE
 from rt_controller.contract.kinematics import (
     farthest_m,
     heading_change_rad,
@@ -13,12 +12,6 @@ from rt_controller.contract.kinematics import (
     speed_of,
 )
 from rt_controller.contract.limits import SteeringGeometry
-from rt_controller.contract.signal_ranges import (
-    LARGEST_PATH,
-    LARGEST_STATE,
-    SMALLEST_PATH,
-    SMALLEST_STATE,
-)
 from rt_controller.contract.signals import (
     GRAVITY_MPS2,
     MOTION,
@@ -98,13 +91,3 @@ def test_columns_have_the_order_of_the_vectors():
     assert [*StateColumn] == [*range(len(VehicleState._fields))]
     assert [*range(6)[MOTION], *range(6)[PATH_STATES]] == [*range(6)]
     assert len(STATE_UNITS) == len(VehicleState._fields)
-
-
-@pytest.mark.parametrize(
-    ("message", "smallest", "largest"),
-    [(STATE, SMALLEST_STATE, LARGEST_STATE), (REFERENCE, SMALLEST_PATH, LARGEST_PATH)],
-)
-def test_the_ranges_are_those_of_the_message_catalogue(message, smallest, largest):
-    signals = [signal for codec in message.codecs for signal in codec.signals][: len(smallest)]
-    assert [s.raw_min * s.scale + s.offset for s in signals] == pytest.approx(list(smallest))
-    assert [s.raw_max * s.scale + s.offset for s in signals] == pytest.approx(list(largest))

@@ -1,6 +1,4 @@
-"""The derivatives along a plan are those of the model's own roll-out, for every class of model."""
-
-from itertools import product
+"""The model along a plan is its own roll-out, and its Jacobian that of one step."""
 
 import numpy as np
 import pytest
@@ -8,92 +6,34 @@ from made_models import WITH_ALL
 from model_classes import RANGE, VARIANTS, knots_of, made
 
 from rt_controller.contract.signals import N_STATES
-from rt_controller.control.linearisation import ALL_INPUTS, Linearisation
-from rt_controller.control.terms import place_knots
+from rt_controller.control.eq14 import Linearisation
 from rt_controller.model.artifact import load_bundle, shipped_model
-from rt_controller.model.dynamics import roll_out
-from rt_controller.model.follow import Follow
+from rt_controller.model.dynamics import Step
 
 HORIZON, CURVATURE_PER_M = 20, 0.002
-CASES = [
-    (variant, follows)
-    for variant in VARIANTS
-    for follows in (Follow if "rank" in VARIANTS[variant] else [Follow.PREDICTION])
-]
-SHIPPED = ("lti", "mdk-net", "mdk-net-paper")
+BUNDLES = {name: lambda name=name: made(name) for name in VARIANTS}
+BUNDLES |= {f"{name}, history": lambda name=name: made(name, lift=WITH_ALL) for name in VARIANTS}
+for name in ("lti", "mdk-net", "mdk-net-paper"):
+    BUNDLES[name] = lambda name=name: load_bundle(shipped_model(name))
 
 
-def rolled(bundle, psi, curvature_per_m, inputs):
-    """States of stages 1 … N, (N, 6)."""
-    W = np.full((1, len(inputs), 1), curvature_per_m)
-    return roll_out(bundle, psi[None], inputs[None], W, N_STATES)[0, 1:]
-
-
-def assert_derivatives(bundle, psi, count, used=ALL_INPUTS):
-    """By the used inputs at each knot, the curvature and psi_0, to 1e-6 of the largest."""
-    knots, plan = place_knots(HORIZON, count), knots_of(count)
-    found = Linearisation(bundle, knots, list(range(N_STATES)))
-    inputs = knots.interpolation @ plan
-    found.update(psi, CURVATURE_PER_M, inputs, used)
-
-    def at_ends(change, curvature_per_m=CURVATURE_PER_M, start=psi):
-        stages = np.array(knots.ends) - 1
-        moved = knots.interpolation @ (plan + change)
-        return rolled(bundle, start, curvature_per_m, moved)[stages]
-
-    expected = np.zeros((count, N_STATES, 3, count))
-    for knot, column in product(range(count), range(3)[used]):
-        step = np.zeros(plan.shape)
-        step[knot, column] = 1e-4 * RANGE[column]
-        expected[..., column, knot] = (at_ends(step) - at_ends(-step)) / 2e-4
-    assert_near(found.by_inputs[:, :, used] * RANGE[used, None], expected[:, :, used])
-    if bundle.gains is not None and bundle.gains.follows is not Follow.PREDICTION:
-        return
-    none = np.zeros(plan.shape)
-    by_curvature = at_ends(none, CURVATURE_PER_M + 1e-6) - at_ends(none, CURVATURE_PER_M - 1e-6)
-    assert_near(found.by_curvature, by_curvature / 2e-6)
-    for step in 1e-4 * bundle.spread * np.random.default_rng(0).normal(size=(3, len(psi))):
-        ends = at_ends(none, start=psi + step) - at_ends(none, start=psi - step)
-        assert_near(found.by_psi @ step, 0.5 * ends)
-
-
-def assert_near(found, expected):
-    """To 1e-6 of the largest value of each state."""
-    others = (0, *range(2, expected.ndim))
-    error, largest = (np.abs(each).max(axis=others) for each in (found - expected, expected))
-    assert np.all(error <= 1e-6 * largest)
-
-
-@pytest.mark.parametrize(
-    ("knots", "used"), [(7, ALL_INPUTS), (10, slice(0, 3, 2)), (HORIZON, slice(1, 3))]
-)
-@pytest.mark.parametrize(("variant", "follows"), CASES)
-def test_derivatives_are_finite_differences_of_the_roll_out(variant, follows, knots, used):
-    bundle = made(variant, follows)
-    if variant == "linear":
-        used = ALL_INPUTS  # its derivatives are constant
-    for psi in bundle.selftest_psi[:2]:
-        assert_derivatives(bundle, psi, knots, used)
-
-
-@pytest.mark.parametrize("variant", VARIANTS)
-def test_the_same_with_a_history(variant):
-    bundle = made(variant, lift=WITH_ALL)
-    assert_derivatives(bundle, bundle.selftest_psi[0], count=7)
-
-
-@pytest.mark.parametrize("model", SHIPPED)
-def test_the_same_of_the_shipped_models(model):
-    bundle = load_bundle(shipped_model(model))
-    for psi in bundle.selftest_psi[:4]:
-        assert_derivatives(bundle, psi, count=10)
-
-
-@pytest.mark.parametrize(("variant", "follows"), CASES)
-def test_the_nominal_prediction_is_the_roll_out(variant, follows):
-    bundle, inputs = made(variant, follows), knots_of(HORIZON)
-    psi = bundle.selftest_psi[0]
-    found = Linearisation(bundle, place_knots(HORIZON, HORIZON), [0])
-    found.update(psi, CURVATURE_PER_M, inputs)
-    expected = rolled(bundle, psi, CURVATURE_PER_M, inputs)
-    np.testing.assert_allclose(found.observables[1:, :N_STATES], expected, rtol=1e-10, atol=1e-10)
+@pytest.mark.parametrize("bundle", BUNDLES.values(), ids=BUNDLES)
+def test_the_products_with_the_jacobian_are_finite_differences_of_a_step(bundle):
+    bundle, rng = bundle(), np.random.default_rng(3)
+    step, inputs = Step(bundle), knots_of(HORIZON)
+    after = rng.normal(size=(3, N_STATES)) @ np.eye(N_STATES, bundle.n_observables)  # rows y
+    for psi_0 in bundle.selftest_psi[:2]:
+        found = Linearisation(bundle, HORIZON, range(N_STATES))
+        found.update(psi_0, inputs, CURVATURE_PER_M)
+        psi = psi_0
+        for k, u in enumerate(inputs):
+            np.testing.assert_allclose(found.psi[k], psi, rtol=1e-12, atol=1e-12)
+            at = np.array([*u, CURVATURE_PER_M, 1.0])
+            by_psi, by_input = found.times_jacobian(after, k)
+            for _ in range(3):
+                d_psi = 1e-5 * bundle.spread * rng.normal(size=psi.size)
+                d_at = np.array([*(1e-5 * RANGE * rng.normal(size=3)), 1e-7, 0.0])
+                change = 0.5 * after @ (step(psi + d_psi, at + d_at) - step(psi - d_psi, at - d_at))
+                expected = by_psi @ d_psi + by_input @ d_at[:4]
+                np.testing.assert_allclose(change, expected, atol=1e-6 * np.abs(change).max())
+            psi = step(psi, at)

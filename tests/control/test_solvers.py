@@ -7,9 +7,9 @@ from random_problems import COST, HORIZON, TIERS, open_precise, random_bundle, u
 from virtual_drive import SHORT_LANE_CHANGE
 
 from rt_controller.contract.errors import ConfigError
+from rt_controller.control.eq14 import CondensedQp
 from rt_controller.control.piqp_solver import PiqpSolver
 from rt_controller.control.program import QuadraticProgram, SolveStatus
-from rt_controller.control.qp import CondensedQp
 from rt_controller.control.warm_start import ActiveSetIteration, WarmStartedSolver
 
 NV = 30

@@ -14,7 +14,7 @@ from rt_controller.bus.send import Outbox
 from rt_controller.contract.faults import Fault, StopCause
 from rt_controller.contract.limits import INPUT_LIMITS
 from rt_controller.contract.signals import AT_REST, NEUTRAL_INPUT, Mode
-from rt_controller.safety.fallback import ALONG_PATH
+from rt_controller.safety.stop import ALONG_PATH
 
 
 def test_a_vehicle_whose_watchdog_brakes_causes_a_safe_stop(rig):

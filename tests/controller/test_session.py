@@ -52,12 +52,6 @@ def test_a_stop_request_ends_the_wait(waiting):
     assert rig.clock.now_ns() < 10**9
 
 
-def send_in_fd(rig: Rig) -> None:
-    fast = Outbox(rig.vehicle_bus, Node.VEHICLE, is_fd=True)
-    rig.vehicle.state, identity = None, own_identity(None, is_fd=True)
-    rig.vehicle.after_sending = lambda now_ns: fast.send(VEHICLE_IDENTITY, identity, now_ns)
-
-
 def send_commands(rig: Rig) -> None:
     other, standby = Outbox(rig.vehicle_bus, Node.CONTROLLER), Command(NEUTRAL_INPUT, Mode.STANDBY)
     rig.vehicle.after_sending = lambda now_ns: other.send(COMMAND, standby, now_ns)
@@ -73,7 +67,6 @@ def send_another_catalogue(rig: Rig) -> None:
     [
         (send_commands, "another one"),
         (lambda rig: setattr(rig.vehicle, "state", None), "STATE_A/B/C.*Start sim-bridge"),
-        (send_in_fd, r"classic CAN within 2 s, found \d+ of CAN FD.*--fd"),
         (
             lambda rig: setattr(rig.controller_bus, "recv", fail),
             r"expected .*, found .*unplugged\. Check the interface",

@@ -27,7 +27,7 @@ def send_state(rig: Rig, outbox: Outbox, counter: int) -> None:
 @pytest.mark.parametrize("offset", [0, 1, 127])
 def test_a_second_vehicle_ends_in_a_safe_stop_whatever_its_counter(rig, offset):
     rig.tick(10)
-    other = Outbox(rig.vehicle_bus, Node.VEHICLE, is_fd=rig.inbox.is_fd)
+    other = Outbox(rig.vehicle_bus, Node.VEHICLE)
     after_sending(rig, lambda: send_state(rig, other, rig.vehicle.counter + offset))
     modes = [rig.tick().mode for _ in range(4)]
     assert modes[-1] is Mode.SAFE_STOP
@@ -38,7 +38,7 @@ def test_a_second_vehicle_ends_in_a_safe_stop_whatever_its_counter(rig, offset):
 @pytest.mark.parametrize("age", [8, 112])
 def test_one_old_state_among_new_ones_is_not_used_and_stops_nothing(rig, age):
     rig.tick(10)
-    other = Outbox(rig.vehicle_bus, Node.VEHICLE, is_fd=rig.inbox.is_fd)
+    other = Outbox(rig.vehicle_bus, Node.VEHICLE)
     after_sending(rig, lambda: send_state(rig, other, rig.vehicle.counter - age))
     assert rig.tick().mode is Mode.HOLD_PLAN
     after_sending(rig, lambda: None)
@@ -49,7 +49,7 @@ def test_one_old_state_among_new_ones_is_not_used_and_stops_nothing(rig, age):
 @pytest.mark.parametrize("offset", [0, 1])
 def test_a_foreign_path_is_not_driven(rig, offset):
     rig.tick(10)
-    other = Outbox(rig.vehicle_bus, Node.VEHICLE, is_fd=rig.inbox.is_fd)
+    other = Outbox(rig.vehicle_bus, Node.VEHICLE)
     foreign = STRAIGHT._replace(c0_m=3.0)
 
     def send_every_fourth():
@@ -68,7 +68,7 @@ def test_a_foreign_path_is_not_driven(rig, offset):
 def test_a_path_that_lags_behind_the_states_is_not_used(rig, lag):
     """Also by a multiple of 16: the frames tell 128 periods apart."""
     rig.tick(10)
-    late = Outbox(rig.vehicle_bus, Node.VEHICLE, is_fd=rig.inbox.is_fd)
+    late = Outbox(rig.vehicle_bus, Node.VEHICLE)
     rig.vehicle.path = None
     after_sending(
         rig,
@@ -108,9 +108,9 @@ def test_damaged_frames_among_good_ones_end_in_a_safe_stop(rig):
     assert rig.tick(4).mode is Mode.SAFE_STOP
 
 
-@pytest.fixture(params=[False, True], ids=["classic", "fd"])
-def rig(mpc_of_session, request):
-    with build_rig(mpc_of_session, is_fd=request.param) as built:
+@pytest.fixture
+def rig(mpc_of_session):
+    with build_rig(mpc_of_session) as built:
         yield built
 
 

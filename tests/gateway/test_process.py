@@ -2,9 +2,10 @@
 
 from math import radians
 
+import can
 import pytest
 from car_gateway import GatewayRig, with_period
-from own_car import command_writer, example
+from own_car import changed, command_writer, example
 
 from rt_controller.bus.messages import STATE, Node
 from rt_controller.bus.receive import Inbox
@@ -320,3 +321,23 @@ def test_another_sender_of_the_same_commands_ends_the_gateway_or_brakes_the_car(
     rig.gateway.require_alone()
     drive_straight(rig, 5)
     assert rig.gateway.counts.braked_because == {"SECOND_SENDER": 1}
+
+
+def test_two_senders_of_one_message_of_the_car_end_the_gateway_or_brake_the_car(tmp_path):
+    any_source = '[messages.Inertial]\nsource = "any"\n\n[messages.WheelSpeed]'
+    car = changed(tmp_path, ("[messages.WheelSpeed]", any_source))
+    second = can.Message(arbitration_id=0x18FF0517, data=bytes(8))
+    rig = GatewayRig(car)
+    drive_straight(rig, 20)
+    rig.gateway.require_alone()
+    rig.gateway.car_end.accept(second, 20 * PERIOD_NS)
+    rig.gateway.require_alone()
+    drive_straight(rig, 5)
+    assert rig.gateway.counts.braked_because == {"SECOND_SENDER": 1}
+    rig = GatewayRig(car)
+    for _ in range(2):
+        rig.drive()
+    rig.gateway.car_end.accept(second, 2 * PERIOD_NS)
+    assert rig.gateway.car_end.samples.newest("states.yaw_rate_radps", 2 * PERIOD_NS).value > 0.0
+    with pytest.raises(BusError, match=r"Inertial from 2 source addresses \(0x00, 0x17\)"):
+        rig.gateway.require_alone()

@@ -20,7 +20,7 @@ from rt_controller.contract.errors import ConfigError, DatasetError
 from rt_controller.mapping.can_log import read_frames
 from rt_controller.mapping.car_file import find_source, load_dbc, read_car
 from rt_controller.mapping.signal_frames import SignalReader, SignalWriter
-from rt_controller.mapping.slots import Slot
+from rt_controller.mapping.slots import Slot, slots_of
 from rt_controller.mapping.tables import ColumnMapping, SwitchMapping
 
 CONTROL = {
@@ -143,6 +143,7 @@ BO_ 16 Status: 8 CAR
 VAL_ 16 State 0 "Off" 1 "Ready" 2 "Active" 6 "Fault" 7 "SNA" ;
 """
 ANY = (float("-inf"), float("inf"))
+PRESSURE = ColumnMapping(column="Pressure", unit="bar")
 
 
 def both_ways(slot, value):
@@ -151,6 +152,19 @@ def both_ways(slot, value):
     (frame,) = SignalWriter([slot], {}, database, "car").frames({slot.name: value}, 0)
     found = SignalReader([slot], {}, database, "car").read(frame)[slot.name]
     return database.decode_message(16, bytes(frame.data), decode_choices=False), found
+
+
+def test_a_message_of_can_fd_is_sent_and_read_as_such(tmp_path):
+    (tmp_path / "car.dbc").write_text(
+        DBC.replace("BO_ 16 Status: 8", "BO_ 16 Status: 16")
+        + 'BA_DEF_ BO_ "VFrameFormat" ENUM "StandardCAN","StandardCAN_FD";\n'
+        + 'BA_DEF_DEF_ "VFrameFormat" "StandardCAN";\nBA_ "VFrameFormat" BO_ 16 1;\n'
+    )
+    database, (slot,) = load_dbc(tmp_path / "car.dbc"), slots_of("signals", [("p", PRESSURE)])
+    (frame,) = SignalWriter([slot], {}, database, "car").frames({slot.name: 2e5}, 0)
+    assert (database.is_fd, frame.is_fd, len(frame.data)) == (True, True, 16)
+    assert SignalReader([slot], {}, database, "car").read(frame) == pytest.approx({slot.name: 2e5})
+    assert not example().database.is_fd
 
 
 def switch(*on, off=None):

@@ -6,8 +6,8 @@ import pytest
 from benchmarks import cadence, false_alarms
 from benchmarks.conditions import conditions
 from benchmarks.false_alarms import DriveResult, figures_of
+from rt_controller.contract.quantities import Quantity
 from rt_controller.realtime.timing import TickTimes
-from rt_controller.safety.checks import Quantity
 from rt_controller.terminal.command_line import run_command
 from sim_bridge.scenario import load_scenario
 
@@ -39,7 +39,7 @@ def driven_run(
     return cadence.CadenceRun(summary, ticks)
 
 
-def test_figures_are_of_all_ticks_of_all_drives() -> None:
+def test_figures_are_of_all_ticks_of_all_drives():
     found = cadence.aggregate(
         [
             driven_run("SAFE_STOPPED", 1, 90_000.0, [100.0] * 30),
@@ -80,13 +80,13 @@ def driven(unchecked_m: float | None, *failed: str, progress_m: float = 0.0) -> 
     ids=["no check failed", "keeps its path", "leaves its path", "unchecked drive had no end"],
 )
 def test_a_stop_is_right_if_the_car_leaves_its_path_without_checks_too(
-    result: DriveResult, false_checks: tuple[str, ...], is_lost: bool
-) -> None:
+    result, false_checks, is_lost
+):
     assert result.false_checks == false_checks
     assert result.has_lost_path is is_lost
 
 
-def test_cars_that_lose_their_path_are_counted_apart() -> None:
+def test_cars_that_lose_their_path_are_counted_apart():
     drives = [driven(None, progress_m=0.005), driven(3.0, "progress", progress_m=1.0)]
     drives += [driven(0.1, "progress", progress_m=0.03)]
     figures = figures_of(drives)
@@ -98,16 +98,14 @@ def test_cars_that_lose_their_path_are_counted_apart() -> None:
     assert figures["drives_that_lose_the_path_without_checks_too"] == 1
 
 
-def test_an_interrupted_run_goes_on_and_its_file_is_of_one_model(tmp_path, capsys):
+def test_false_alarms_are_counted_in_the_drives_of_a_file_and_in_new_ones(tmp_path, capsys):
     file = tmp_path / "drives.jsonl"
-    options = ("--scenarios", "straight", "--hours", "1e-6", "--drives", str(file))
+    options = ("--scenarios", "straight", "--hours", "1e-6", "--drives", str(file), "--jobs", "1")
     assert run(false_alarms.app, *options) == 0
     lines = file.read_text()
     assert run(false_alarms.app, *options) == 0
     assert file.read_text() == lines
     assert "0 with a false alarm" in capsys.readouterr().out
-    assert run(false_alarms.app, *options, "--model", "lti") == 2
-    assert "Name another file, or the same model" in " ".join(capsys.readouterr().err.split())
 
 
 @pytest.mark.parametrize(

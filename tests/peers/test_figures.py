@@ -15,6 +15,7 @@ from rt_controller import simulate
 from rt_controller.contract.errors import ConfigError
 from rt_controller.terminal.command_line import run_command
 
+NAMES = [each.name for each in closed_loop.parts()]
 DRIVE = {"ey_rms_m": 0.0164, "ey_peak_m": 0.0436, "stop_s": None}
 MARKER = "Before.\n\n<!-- figures: lateral_error -->\n<!-- end -->\n\nAfter.\n"
 
@@ -33,13 +34,12 @@ def drive_parts(measured: list[str], failing: str = "") -> list[Part]:
 
         return Part(name, ("lti",), measure)
 
-    names = [each.name for each in closed_loop.parts()]
-    return [part(name) for name in names]
+    return [part(name) for name in NAMES]
 
 
 def run(root: Path, *options: str) -> int:
     with pytest.raises(SystemExit) as ended:
-        run_command(figures.app, ["--root", str(root), *options])
+        run_command(figures.app, ["--root", str(root), "--jobs", "1", *options])
     assert isinstance(ended.value.code, int)
     return ended.value.code
 
@@ -54,13 +54,11 @@ def root(tmp_path: Path) -> Path:
 @pytest.fixture
 def measured(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     names: list[str] = []
-    monkeypatch.setattr(figures, "PIECES", {"closed_loop": lambda: drive_parts(names)})
+    monkeypatch.setattr(closed_loop, "parts", lambda: drive_parts(names))
     return names
 
 
-def test_a_table_is_made_between_its_markers_and_a_changed_number_is_found(
-    root: Path, measured: list[str]
-) -> None:
+def test_a_table_is_made_between_its_markers_and_a_changed_number_is_found(root, measured):
     assert run(root) == 0
     text = (root / "README.md").read_text()
     assert "| lane change, 80 km/h | 0.016, 0.044 | 0.016, 0.044 |" in text
@@ -73,23 +71,19 @@ def test_a_table_is_made_between_its_markers_and_a_changed_number_is_found(
     assert (root / "README.md").read_text() == text
 
 
-def test_a_stopped_run_goes_on_where_it_was(
-    root: Path, measured: list[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    names = [part.name for part in drive_parts([])]
-    stopped = {"closed_loop": lambda: drive_parts(measured, failing=names[2])}
+def test_a_stopped_run_goes_on_where_it_was(root, measured, monkeypatch):
     with monkeypatch.context() as patched:
-        patched.setattr(figures, "PIECES", stopped)
+        patched.setattr(closed_loop, "parts", lambda: drive_parts(measured, failing=NAMES[2]))
         assert run(root) == 130
     assert (root / "README.md").read_text() == MARKER
     assert run(root, "--check") == 1
     assert run(root) == 0
-    assert measured == names
+    assert measured == NAMES
     assert run(root, "--again") == 0
-    assert measured == names * 2
+    assert measured == NAMES * 2
 
 
-def test_a_part_of_another_model_is_missing(tmp_path: Path) -> None:
+def test_a_part_of_another_model_is_missing(tmp_path):
     file = tmp_path / "figures.json"
     (part,) = parts = [Part("a", ("lti",), dict)]
     results = Results(file)
@@ -109,18 +103,18 @@ def test_a_part_of_another_model_is_missing(tmp_path: Path) -> None:
         ("<!-- figures: a -->\n\n<!-- figures: a -->\n<!-- end -->\n", "one without an end"),
     ],
 )
-def test_a_marker_without_a_table_or_an_end_is_refused(text: str, expected: str) -> None:
+def test_a_marker_without_a_table_or_an_end_is_refused(text, expected):
     with pytest.raises(ConfigError, match=expected):
         figures.replace_blocks(text, {"a": "x"}, "README.md")
 
 
-def test_a_safe_stop_is_marked_and_a_drive_that_was_not_made_is_empty() -> None:
+def test_a_safe_stop_is_marked_and_a_drive_that_was_not_made_is_empty():
     drives = {"lti: a": DRIVE, "mdk-net: a": {**DRIVE, "stop_s": 3.0}}
     table = by_controller(drives, "{ey_rms_m}", "ab", ("lti", "mdk-net"))
     assert table.splitlines()[2:] == ["| a | 0.0164 | 0.0164, stopped |", "| b |  |  |"]
 
 
-def test_a_file_of_another_command_is_imported_under_its_piece(root: Path) -> None:
+def test_a_file_of_another_command_is_imported_under_its_piece(root):
     alarms = {
         "driven_h": 10.01, "drives": 1820, "drives_with_false_alarm": 0,
         "drives_that_lose_the_path_without_checks_too": 17, "false_alarms": [],
@@ -136,14 +130,14 @@ def test_a_file_of_another_command_is_imported_under_its_piece(root: Path) -> No
     assert run(root, "--tables", "--import", str(file)) == 2
 
 
-def test_an_evaluation_of_another_model_is_refused(tmp_path: Path) -> None:
+def test_an_evaluation_of_another_model_is_refused(tmp_path):
     file = tmp_path / "evaluation.json"
     file.write_text(json.dumps({"sets": {}, "series": {}, "model_sha256": {"mdk-net": "0"}}))
     with pytest.raises(ConfigError, match="found those of another model"):
         read_import(file)
 
 
-def test_every_row_is_a_scenario_that_is_judged_by_the_car_itself() -> None:
+def test_every_row_is_a_scenario_that_is_judged_by_the_car_itself():
     for row in ROWS:
         assert scenario_of(row).metrics[0] == "ey_rms_m"
     assert len({row.name for row in ROWS}) == len(ROWS)
@@ -151,7 +145,7 @@ def test_every_row_is_a_scenario_that_is_judged_by_the_car_itself() -> None:
     assert stops == {1.0, 1.4, 1.8, 2.5}
 
 
-def test_the_figures_of_a_drive_have_its_settled_offset_and_its_stop(tmp_path: Path) -> None:
+def test_the_figures_of_a_drive_have_its_settled_offset_and_its_stop(tmp_path):
     scenario = tmp_path / "stop.toml"
     scenario.write_text(
         'format = 2\nname = "short stop"\nduration_s = 4.0\nreference.speed_kmh = 9.0\n'
@@ -168,36 +162,28 @@ def test_the_figures_of_a_drive_have_its_settled_offset_and_its_stop(tmp_path: P
 
 RATIO = {"vx": {"value": 2.0, "low": 1.0, "high": 3.0},
          "geometric_mean": {"value": 2.0, "low": 1.0, "high": 3.0}}  # fmt: skip
-SLICE = {
-    "set": "library", "label": "no brake", "n_trajectories": 9,
-    "best_baseline": {"linear": "lti"},
-    "baseline_mse_over_model_mse": {"mdk-net": {"lti": RATIO}},
-}  # fmt: skip
 LIBRARY = {
+    "n_trajectories": 9,
+    "best_baseline": {"linear": "lti"},
     "models": {"mdk-net": {"mse": {"vx_kmh_squared": {"value": 0.156}}}},
     "baseline_mse_over_model_mse": {"mdk-net": {"lti": RATIO}},
 }
 
 
 @pytest.mark.parametrize(
-    ("found", "name", "line"),
+    ("name", "line"),
     [
-        ({"sets": {"library": LIBRARY}, "series": {}}, "mse", "| mdk-net | 0.156 |"),
-        ({"sets": {"library": LIBRARY}, "series": {}}, "mse_ratios", "| lti | 2 | 2 (1 to 3) |"),
-        (
-            {"sets": {"library": LIBRARY}, "series": {"brake": {"slices": [SLICE]}}},
-            "mse_slices",
-            "| library, no brake | 9 | lti | 2 | 2 (1 to 3) |",
-        ),
+        ("mse", "| mdk-net | 0.156 |"),
+        ("mse_ratios", "| lti | 2 | 2 (1 to 3) |"),
+        ("mse_sets", "| library | 9 | lti | 2 | 2 (1 to 3) |"),
     ],
-)  # fmt: skip
-def test_the_file_of_each_command_becomes_a_table(
-    tmp_path: Path, found: dict[str, Any], name: str, line: str
-) -> None:
-    if "sets" in found:
-        found = {**found, "model_sha256": hashes_of(("mdk-net",))}
+)
+def test_the_file_of_an_evaluation_becomes_tables(tmp_path, name, line):
+    hashes = hashes_of(("mdk-net",))
     file = tmp_path / "found.json"
-    file.write_text(json.dumps(found))
+    file.write_text(
+        json.dumps({"sets": {"library": LIBRARY}, "series": {}, "model_sha256": hashes})
+    )
     piece, part = read_import(file)
     assert piece == TABLES[name][0]
     assert line in by_name(part.measure(), name, "name").splitlines()

@@ -1,6 +1,7 @@
 """MCAP of a replayed drive has decoded signals with units, the plan and the cause of every tick."""
 
 import json
+import resource
 from pathlib import Path
 from typing import Any
 
@@ -86,10 +87,14 @@ def test_an_existing_file_is_not_replaced_unasked(
     assert path.read_text() == "of another drive"
 
 
-@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full on this system")
 def test_a_full_disk_is_reported(
-    recorded: tuple[Path, Figures], capfd: pytest.CaptureFixture[str]
+    recorded: tuple[Path, Figures], tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
     """foxglove-sdk itself only prints a failed write."""
-    convert(recorded[0], Path("/dev/full"))
-    assert "/dev/full: expected room for the file, found No space left" in capfd.readouterr().err
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (1000, before[1]))  # EFBIG in place of ENOSPC
+    try:
+        convert(recorded[0], tmp_path / "full.mcap")
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    assert "full.mcap: expected room for the file, found File too large" in capfd.readouterr().err

@@ -7,14 +7,7 @@ import pytest
 
 from rt_controller.contract.errors import MissingExtraError
 from rt_controller.report.canvas import empty_figure
-from rt_controller.report.page import (
-    Links,
-    Page,
-    Plot,
-    Section,
-    render_page,
-    require_report_extra,
-)
+from rt_controller.report.page import Page, Plot, Section, render_page, require_report_extra
 from rt_controller.report.table import Cell, Column, Table
 
 TABLE = Table(
@@ -48,7 +41,7 @@ class Tags(HTMLParser):
 
 def made_page(figure):
     parts = ("5 % of <b>", Plot(figure, "caption"), TABLE)
-    return Page("Report <r>", (Section("One", parts),))
+    return Page("Report <r>", (Section("One", parts),), ("first",))
 
 
 def test_page_with_static_plots_loads_nothing_and_runs_no_script():
@@ -68,19 +61,8 @@ def test_page_shows_all_parts_and_escapes_their_texts():
     for text in ("Report &lt;r&gt;", "<h2>One</h2>", "5\u00a0% of &lt;b&gt;", "<svg", "caption",
                  "Title &lt;t&gt;", "car &lt;x&gt;", "<i>km/h</i>",
                  '"vx, km/h"><span class="bad">1.2</span><br><small>1–3</small></td>',
-                 "note &lt;n&gt;"):  # fmt: skip
+                 "note &lt;n&gt;", "<p>first</p>"):  # fmt: skip
         assert text in html
-
-
-def test_a_link_leads_to_its_section_and_short_texts_are_marked():
-    columns = (Column("line", is_text=True), Column("unit", is_text=True, width="short"))
-    table = Table("", columns, (("roll", "deg/g"),))
-    links = Links("Missed:", (("roll", "2 · Steady-state"),))
-    html = render_page(Page("Page", (Section("2 · Steady-state", (table,)),), (links,)))
-    assert 'Missed: <a href="#2-steady-state">roll</a>' in html
-    assert '<section id="2-steady-state">' in html
-    assert '<td class="text short" data-label="unit">deg/g</td>' in html
-    assert "<script" not in html
 
 
 def test_same_content_gives_the_same_page():

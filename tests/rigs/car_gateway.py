@@ -1,6 +1,6 @@
 """A gateway in simulated time, between a car and what sends the commands."""
 
-from own_car import EXAMPLE, VALUES, command_reader, example, state_writer
+from own_car import VALUES, changed, command_reader, example, state_writer
 
 from rt_controller.bus.messages import COMMAND, HEARTBEAT, Command, Heartbeat, Node
 from rt_controller.bus.send import Outbox
@@ -9,7 +9,6 @@ from rt_controller.contract.signals import Mode
 from rt_controller.contract.timing import PERIOD_NS
 from rt_controller.gateway.lateral_speed import LateralSpeed, RearAxle
 from rt_controller.gateway.process import Gateway
-from rt_controller.mapping.car_file import read_car
 from rt_controller.mapping.signal_frames import FrameQueue
 
 REAR_AXLE = RearAxle(1.86, 0.005, 0.5)
@@ -24,12 +23,8 @@ def send_command(sender, control, tick, mode=Mode.NOMINAL):
 
 def with_period(folder, period_s):
     """The example, with commands that the car receives less often."""
-    for name in ("car.dbc", "line.csv"):
-        (folder / name).write_text((EXAMPLE.parent / name).read_text())
     table = "[messages.DriveRequest]"
-    text = EXAMPLE.read_text().replace(table, f"{table}\nperiod_s = {period_s}")
-    (folder / "car.toml").write_text(text)
-    return read_car(folder / "car.toml")
+    return changed(folder, (table, f"{table}\nperiod_s = {period_s}"))
 
 
 class QueueBus(FrameQueue):

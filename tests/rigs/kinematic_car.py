@@ -7,6 +7,7 @@ from itertools import count
 import numpy as np
 
 from rt_controller.contract.kinematics import heading_change_rad, lateral_change_m, progress_m
+from rt_controller.contract.quantities import Quantity
 from rt_controller.contract.signals import (
     NEUTRAL_INPUT,
     ControlInput,
@@ -18,7 +19,7 @@ from rt_controller.contract.signals import (
 from rt_controller.contract.timing import PERIOD_S
 from rt_controller.model.dynamics import Matrices
 from rt_controller.model.validity import TrainedRange
-from rt_controller.safety.checks import CHECKS, Check, Quantity
+from rt_controller.safety.checks import CHECKS, Check
 from rt_controller.safety.motion import MotionPrediction
 from rt_controller.safety.supervisor import Supervisor
 from rt_controller.safety.tick import Estimate, Tick

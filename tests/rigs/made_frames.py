@@ -59,7 +59,6 @@ def can_frame(codec: FrameCodec, data: bytes) -> can.Message:
     return can.Message(
         arbitration_id=codec.arbitration_id,
         is_extended_id=False,
-        is_fd=codec.is_fd,
         data=data,
         check=True,
     )
@@ -74,11 +73,11 @@ def can_frames(
 
 
 def encode_frames(
-    message: Message[T], content: T, counter: int, is_valid: bool = True, is_fd: bool = False
+    message: Message[T], content: T, counter: int, is_valid: bool = True
 ) -> list[bytes]:
     """One protected frame for each codec, all with this counter."""
     values = message.values_of(content)
-    return [c.write(values[part], counter, is_valid) for c, part in message.parts_of(is_fd)]
+    return [c.write(values[part], counter, is_valid) for c, part in message.parts]
 
 
 def decode_frames(message: Message[T], *frames: Frame) -> T | None:

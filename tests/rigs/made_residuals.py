@@ -4,9 +4,9 @@ from math import inf
 
 import numpy as np
 
+from rt_controller.contract.quantities import Quantity
 from rt_controller.contract.signals import NEUTRAL_INPUT, VehicleState
 from rt_controller.model.dynamics import Matrices
-from rt_controller.safety.checks import Quantity
 from rt_controller.safety.motion import MotionPrediction, Residuals
 
 CRUISING = VehicleState(20.0, 0.0, 0.0, 0.5, 0.0, 0.0)

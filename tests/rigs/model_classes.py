@@ -1,7 +1,5 @@
 """One made bundle of every class of model, and a plan to linearise it along."""
 
-from dataclasses import replace
-
 import numpy as np
 from made_models import make_bundle
 
@@ -9,7 +7,6 @@ from rt_controller.contract.arrays import Array
 from rt_controller.contract.limits import INPUT_LIMITS
 from rt_controller.contract.signals import N_INPUTS
 from rt_controller.model.bundle import Bundle
-from rt_controller.model.follow import Follow
 from rt_controller.model.lift import Lift
 
 RANGE = np.subtract(INPUT_LIMITS.upper, INPUT_LIMITS.lower)
@@ -26,11 +23,8 @@ VARIANTS = {
 }
 
 
-def made(variant: str, follows: Follow = Follow.PREDICTION, lift: Lift | None = None) -> Bundle:
-    bundle = make_bundle(lift or Lift(), bend=0.5, **VARIANTS[variant])
-    if "rank" not in VARIANTS[variant]:
-        return bundle
-    return replace(bundle, gains=bundle.gains._replace(follows=follows))
+def made(variant: str, lift: Lift | None = None) -> Bundle:
+    return make_bundle(lift or Lift(), bend=0.5, **VARIANTS[variant])
 
 
 def knots_of(count: int) -> Array:

@@ -7,6 +7,7 @@ from rt_controller.mapping.signal_frames import SignalReader, SignalWriter
 from rt_controller.mapping.slots import command_slots, driving_slot, measured_slots
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "own_car" / "car.toml"
+FILES = ("car.toml", "car.dbc", "line.csv")
 VALUES = {
     "states.vx_mps": 20.0,
     "states.yaw_rate_radps": 0.02,
@@ -31,6 +32,17 @@ VALUES = {
 
 def example() -> CarFile:
     return read_car(EXAMPLE)
+
+
+def changed(folder: Path, *changes: tuple[str, str]) -> CarFile:
+    """The example with other text instead of an old one, in its car file or its DBC."""
+    texts = {name: (EXAMPLE.parent / name).read_text() for name in FILES}
+    for old, new in changes:
+        name = next(name for name, text in texts.items() if old in text)
+        texts[name] = texts[name].replace(old, new)
+    for name, text in texts.items():
+        (folder / name).write_text(text)
+    return read_car(folder / EXAMPLE.name)
 
 
 def state_writer(car: CarFile) -> SignalWriter:

@@ -7,13 +7,11 @@ from made_models import input_gains, join_gains, saturations
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.limits import INPUT_LIMITS
 from rt_controller.contract.signals import ControlInput, VehicleState
+from rt_controller.control.eq14 import CondensedQp, Corridor, TrackingCost
 from rt_controller.control.pedals import PedalChoice
 from rt_controller.control.piqp_solver import PiqpSolver
 from rt_controller.control.program import QuadraticProgram
-from rt_controller.control.qp import CondensedQp
-from rt_controller.control.terms import Corridor, TrackingCost
 from rt_controller.model.bundle import Bundle
-from rt_controller.model.follow import Follow
 from rt_controller.model.lift import LiftSample
 
 HORIZON = 12
@@ -31,7 +29,7 @@ TIERS = {"slew rows": None, "corridor": Corridor(0.2, 0.05)}
 
 
 def random_bundle(rng: np.random.Generator, rank: int = 0, drift: int = 0) -> Bundle:
-    """Even ranks follow the free response, odd ones psi_0; with a drift, even ones saturate."""
+    """With as many gains of each input, and of the drift."""
     n = N_OBSERVABLES
     A = rng.normal(size=(n, n))
     A *= 0.97 / max(abs(np.linalg.eigvals(A)))
@@ -40,7 +38,7 @@ def random_bundle(rng: np.random.Generator, rank: int = 0, drift: int = 0) -> Bu
         N=rng.normal(size=(rank, n, 3)) * size,
         S=rng.normal(size=(rank, 3, n)),
         s0=rng.normal(size=(rank, 3)),
-        saturates=drift > 0 and rank % 2 == 0,
+        saturates=True,
     )
     of_drift = saturations(
         N=0.03 * rng.normal(size=(n, drift)),
@@ -49,8 +47,7 @@ def random_bundle(rng: np.random.Generator, rank: int = 0, drift: int = 0) -> Bu
         factor=4 - np.arange(drift) % 2,
         one=4,
     )
-    follows = Follow.START if rank % 2 else Follow.FREE_RESPONSE
-    gains = join_gains(of_inputs, of_drift)._replace(follows=follows if rank else Follow.PREDICTION)
+    gains = join_gains(of_inputs, of_drift)
     return Bundle(
         name="random",
         A=A,
@@ -93,15 +90,12 @@ def open_precise(program: QuadraticProgram) -> PiqpSolver:
 
 def update_vectors(qp: CondensedQp, rng: np.random.Generator, size: float = 0.3) -> None:
     """Random parameters, and the matrices and vectors that follow."""
-    parameters = qp.parameters
-    parameters.psi[:] = size * rng.normal(size=parameters.psi.size)
-    parameters.curvature_per_m = 0.002
-    parameters.previous[:] = rng.uniform(INPUT_LIMITS.lower, INPUT_LIMITS.upper)
-    parameters.reference[:] = size * rng.normal(size=parameters.reference.shape)
+    qp.psi_0[:] = size * rng.normal(size=qp.psi_0.size)
+    qp.kappa = 0.002
+    qp.u_prev[:] = rng.uniform(INPUT_LIMITS.lower, INPUT_LIMITS.upper)
+    qp.x_r[:] = size * rng.normal(size=qp.x_r.shape)
     own = rng.spawn(1)[0]  # for a model with drift alone: the others' problems stay the same
-    parameters.nominal_knots[:] = own.uniform(
-        INPUT_LIMITS.lower, INPUT_LIMITS.upper, size=parameters.nominal_knots.shape
-    )
-    parameters.nominal_inputs[:] = qp.interpolation @ parameters.nominal_knots
+    qp.u_nominal[:] = own.uniform(INPUT_LIMITS.lower, INPUT_LIMITS.upper, size=qp.u_nominal.shape)
     qp.update_matrices()
-    qp.update_vectors(PedalChoice())
+    qp.update_vectors()
+    qp.update_bounds(PedalChoice())

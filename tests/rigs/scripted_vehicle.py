@@ -143,18 +143,18 @@ STANDBY_TICKS = 3
 
 
 @contextmanager
-def build_rig(mpc: Mpc, standby_ticks: int = STANDBY_TICKS, is_fd: bool = False) -> Iterator[Rig]:
+def build_rig(mpc: Mpc, standby_ticks: int = STANDBY_TICKS) -> Iterator[Rig]:
     """A controller with this planner, its scripted vehicle, and the virtual bus between them."""
     channel = f"scripted-vehicle-{next(_channels)}"
     with open_bus("virtual", channel) as vehicle_bus, open_bus("virtual", channel) as bus:
-        received = Inbox(Node.VEHICLE, is_fd=is_fd)
-        vehicle = Vehicle(Outbox(vehicle_bus, Node.VEHICLE, is_fd=is_fd), vehicle_bus, received)
+        received = Inbox(Node.VEHICLE)
+        vehicle = Vehicle(Outbox(vehicle_bus, Node.VEHICLE), vehicle_bus, received)
         clock = LockstepClock(vehicle.send)
-        inbox = Inbox(Node.CONTROLLER, is_fd=is_fd)
+        inbox = Inbox(Node.CONTROLLER)
         step = ControlStep(
             bus=bus,
             inbox=inbox,
-            outbox=Outbox(bus, Node.CONTROLLER, is_fd=is_fd),
+            outbox=Outbox(bus, Node.CONTROLLER),
             mpc=mpc,
             low_speed=LowSpeedLaw(ASSUMED),
             clock=clock,

@@ -7,13 +7,8 @@ from pathlib import Path
 import pytest
 
 from rt_controller.contract.faults import Fault, StopCause
-from rt_controller.safety.checks import (
-    CHECKS,
-    LARGEST_CURVATURE_STEP_PER_M,
-    Check,
-    Quantity,
-    Reaction,
-)
+from rt_controller.contract.quantities import Quantity
+from rt_controller.safety.checks import CHECKS, LARGEST_CURVATURE_STEP_PER_M, Check, Reaction
 from rt_controller.safety.isolation import (
     Evidence,
     Faulty,

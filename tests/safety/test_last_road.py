@@ -2,8 +2,8 @@
 
 import pytest
 
+from rt_controller.contract.quantities import Quantity
 from rt_controller.contract.signals import CurvaturePreview
-from rt_controller.safety.checks import Quantity
 from rt_controller.safety.path import LastRoad
 
 ROAD = CurvaturePreview(4.0, 0.0, 0.001, 0.002, 0.003, 0.004)

@@ -8,7 +8,6 @@ from rt_controller.contract.faults import NO_FAULT, StopCause
 from rt_controller.contract.limits import INPUT_LIMITS
 from rt_controller.contract.signals import AT_REST, NEUTRAL_INPUT, Mode, PathReference
 from rt_controller.contract.timing import HOLD_PLAN_TICKS, PERIOD_NS
-from rt_controller.safety.fallback import Braking
 from rt_controller.safety.freshness import (
     REFERENCE_MAX_AGE_NS,
     REFERENCE_MAX_TICKS,
@@ -27,6 +26,7 @@ from rt_controller.safety.modes import (
     decide,
     next_mode,
 )
+from rt_controller.safety.stop import Braking
 from rt_controller.safety.tick import Estimate, Tick
 
 DRIVING = [Mode.NOMINAL, Mode.LOW_SPEED, Mode.STANDSTILL, Mode.HOLD_PLAN]

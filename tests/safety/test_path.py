@@ -1,12 +1,13 @@
 """The path: compared with those before it, followed, and continued from where the car is."""
 
-from math import e, exp
+from math import e, exp, isnan
 
 import pytest
 
 from rt_controller.contract.limits import FAR, NEAR
+from rt_controller.contract.quantities import Quantity
 from rt_controller.contract.signals import CurvaturePreview, PathReference, VehicleState
-from rt_controller.safety.checks import NOT_COMPUTED, Quantity, is_computed
+from rt_controller.safety.checks import NOT_COMPUTED
 from rt_controller.safety.path import (
     FollowedPath,
     LastPath,
@@ -127,7 +128,7 @@ def test_the_drift_sums_up_steps_and_loses_them_within_two_seconds(side):
 def test_the_first_path_is_compared_with_none_and_only_its_demand_is_computed():
     values = [NOT_COMPUTED] * len(Quantity)
     PathChecks(values).compare(STRAIGHT, 0.0, None, 20.0)
-    computed = [Quantity(i) for i, value in enumerate(values) if is_computed(value)]
+    computed = [Quantity(i) for i, value in enumerate(values) if not isnan(value)]
     assert computed == [Quantity.PATH_LATERAL_MPS2]
 
 

@@ -8,10 +8,10 @@ from kinematic_car import BRAKE_TO_SPEED, linear_model
 from made_models import input_gains, join_gains, one_step, saturations
 from made_residuals import predicted, residuals
 
+from rt_controller.contract.quantities import Quantity
 from rt_controller.contract.signals import NEUTRAL_INPUT, ControlInput, VehicleState
+from rt_controller.model import roll_outs
 from rt_controller.model.dynamics import Matrices
-from rt_controller.safety import motion
-from rt_controller.safety.checks import Quantity
 from rt_controller.safety.coast_model import StoppingCar
 from rt_controller.safety.motion import STEPS, MotionPrediction
 
@@ -151,12 +151,12 @@ def test_a_prepared_tick_has_the_same_predictions_and_computes_none_if_it_is_as_
 ):
     steps = []
 
-    class CountedStep(motion.Step):
+    class CountedStep(roll_outs.Step):
         def __call__(self, *arguments):
             steps.append(arguments)
             return super().__call__(*arguments)
 
-    monkeypatch.setattr(motion, "Step", CountedStep)
+    monkeypatch.setattr(roll_outs, "Step", CountedStep)
     rng = np.random.default_rng(0)
     shapes = ((6, 6), (6, 3), (6, 1), 6)
     model = Matrices(*(rng.normal(size=shape) for shape in shapes))

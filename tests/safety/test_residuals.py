@@ -5,9 +5,9 @@ from math import cos, inf, sin
 import pytest
 from made_residuals import predicted, residuals, steady
 
+from rt_controller.contract.quantities import Quantity
 from rt_controller.contract.signals import NEUTRAL_INPUT, VehicleState
 from rt_controller.contract.timing import PERIOD_S
-from rt_controller.safety.checks import Quantity
 from rt_controller.safety.coast_model import PedalEffect
 from rt_controller.safety.isolation import Faulty
 from rt_controller.safety.motion import Residuals, with_replaced_signals

@@ -27,8 +27,8 @@ from rt_controller.bus.messages import (
 from rt_controller.bus.receive import Inbox
 from rt_controller.bus.send import Outbox
 from rt_controller.bus.transport import open_bus
+from rt_controller.contract.braking import MOST_BRAKE_N
 from rt_controller.contract.errors import BusError
-from rt_controller.contract.limits import MOST_BRAKE_N
 from rt_controller.contract.signals import NEUTRAL_INPUT, ControlInput, Mode
 from rt_controller.contract.timing import PERIOD_NS, PERIOD_S
 from rt_controller.receive import Receiver

@@ -44,7 +44,7 @@ FAR = OwnMotion(20.0, 1.5, is_mission_on=True)
 class Rig:
     """A check that has followed a few commands; `tick` sends one and judges it."""
 
-    check: CommandCheck = field(default_factory=lambda: CommandCheck(is_fd=False))
+    check: CommandCheck = field(default_factory=CommandCheck)
     inbox: Inbox = field(default_factory=lambda: Inbox(Node.VEHICLE))
     counter: int = 120
     """of the newest state"""

@@ -23,7 +23,6 @@ from sim_bridge.scenario.courses import (
     road_margin_m,
 )
 from sim_bridge.scenario.lateral import Lateral
-from sim_bridge.scenario.loading import field_names
 from sim_bridge.scenario.metrics import LogRow, Metrics, judged, measure
 from sim_bridge.scenario.nominal_drive import drive_nominally
 from sim_bridge.scenario.speed import Stop
@@ -162,9 +161,7 @@ def test_figures_are_judged_by_their_limits() -> None:
 def peak_lateral_mps2(scenario: Scenario) -> float:
     """The largest lateral acceleration of the drive if it follows the reference exactly."""
     drive = drive_nominally(scenario)
-    bend = np.gradient(np.gradient(drive.ey_m, drive.s_m), drive.s_m)
-    curvature = scenario.road.curvature_per_m(drive.s_m)
-    return float(np.max(np.abs(bend + curvature) * drive.speed_mps**2))
+    return float(np.max(np.abs(drive.turn_per_m) * drive.speed_mps**2))
 
 
 @pytest.mark.parametrize("name", shipped_scenarios())
@@ -186,11 +183,8 @@ EXAMPLES = [
 ]
 
 
-def test_the_guide_has_every_field_and_figure_and_its_examples_load() -> None:
+def test_the_guide_has_every_figure_and_its_examples_load() -> None:
     for text in EXAMPLES:
         assert parse_scenario(tomllib.loads(text), "guide").ticks > 0
-    names = set().union(*field_names())
-    assert len(names) > 60
-    assert [name for name in sorted(names) if not re.search(rf"\b{name}\b", GUIDE)] == []
     for name in (*Metrics._fields, *shipped_scenarios()):
         assert f"`{name}`" in GUIDE, name

@@ -107,7 +107,7 @@ def test_help_lists_options_without_importing_compiler_and_tools() -> None:
         [sys.executable, "-c", program], check=True, capture_output=True, text=True
     )
     text, _, modules = ended.stdout.rstrip().rpartition("\n")
-    for word in ("fault-matrix", "validate", "--plant-mapping", "commonroad:NUMBER"):
+    for word in ("validate", "--plant-mapping", "commonroad:NUMBER"):
         assert word in text
     tools = {"scipy", "fmpy", "vehiclemodels", "matplotlib"}
     assert not tools & set(modules.split())

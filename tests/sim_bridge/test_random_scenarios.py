@@ -63,8 +63,6 @@ JUNK = (
     {"kind": "sine", "amplitude_m": 0.5, "wavelength_m": 1e-6},
     {"kind": "slalom", "start_s_m": 0.0, "spacing_m": 36.0, "cones": 100},
     {"kind": "iso_3888_2", "start_s_m": 1e6},
-    {"kind": "stop_and_go", "cruise_kmh": 50.0, "first_stop_s_m": 1e-6, "spacing_m": 1e-6,
-     "count": 50},
 )  # fmt: skip
 
 

@@ -102,7 +102,7 @@ def test_the_speed_for_bends_keeps_all_three_accelerations() -> None:
         kind="curve_speed", max_kmh=108.0, lateral_mps2=4.0, acceleration_mps2=1.5,
         deceleration_mps2=2.0,
     )  # fmt: skip
-    profile = wanted.on_road(curvature, 600.0)
+    profile = wanted.profile(curvature, 600.0)
     speeds = [profile.at(float(s), 0.0) for s in range(600)]
     assert speeds[200] == pytest.approx(20.0)
     for before, after in pairwise(speeds):
@@ -112,13 +112,13 @@ def test_the_speed_for_bends_keeps_all_three_accelerations() -> None:
 
 def test_a_speed_over_distance_that_ends_with_zero_is_a_stop() -> None:
     drive = scenario({"s_m": [0.0, 50.0, 90.0], "value": [72.0, 72.0, 0.0]})
-    (stop,) = drive.stops
+    (stop,) = drive.all_stops
     assert stop.at_s_m == 90.0
     assert stop.deceleration_mps2 == pytest.approx(5.0)
     slow = scenario({"s_m": [0.0, 80.0, 100.0], "value": [60.0, 20.0, 0.0]})
     for s_m in (0.0, 40.0, 80.0, 95.0):
         assert slow.reference_speed_mps(s_m, 0.0) == pytest.approx(slow.speed.at(s_m, 0.0))
-    held = next_progress(START, drive.stops, 89.8, 0.0, 9.0)
+    held = next_progress(START, drive.all_stops, 89.8, 0.0, 9.0)
     assert drive.reference_speed_mps(89.8, 9.1, held) == 0.0
 
 

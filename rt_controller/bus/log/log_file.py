@@ -3,6 +3,7 @@
 A log is overwritten only on request: it may be the only record of a drive.
 """
 
+import errno
 import os
 import stat
 import time
@@ -23,8 +24,7 @@ class LogFile:
         """Open the file; it is not changed before the first record.
 
         Args:
-            path: of the log. A folder gets a new log that is named after the time; a device or a
-                pipe with a reader is written to.
+            path: of the log. A folder gets a new log that is named after the time.
             replaces: replace the content of an existing file.
 
         Raises:
@@ -34,18 +34,15 @@ class LogFile:
         self.failure = ""
         """why records are missing, for people; empty if none are"""
         self._descriptor, self._is_new = _open(self.path)
-        status = os.fstat(self._descriptor)
-        self._is_regular = stat.S_ISREG(status.st_mode)
         self._size = 0
         """of the whole records that were written"""
-        if self._is_regular and status.st_size > 0 and not replaces:
+        if os.fstat(self._descriptor).st_size > 0 and not replaces:
             os.close(self._descriptor)
             raise ConfigError(
                 f"{self.path}: expected no log of that name yet, found one, which is left as it "
                 f"is. Name another file, or a folder, in which every run makes a new log; "
                 f"--overwrite replaces the log."
             )
-        os.set_blocking(self._descriptor, True)
 
     def append(self, records: Sequence[bytes]) -> int:
         """Number of records that were written, from the first on; the others are lost."""
@@ -54,7 +51,7 @@ class LogFile:
         rest = memoryview(b"".join(records))
         n_bytes = len(rest)
         try:
-            if self._size == 0 and self._is_regular:
+            if self._size == 0:
                 os.ftruncate(self._descriptor, 0)
             while rest:
                 rest = rest[os.write(self._descriptor, rest) :]
@@ -62,7 +59,7 @@ class LogFile:
             self.failure = str(error.strerror)
         whole = [end for end in accumulate(map(len, records)) if end <= n_bytes - len(rest)]
         self._size += whole[-1] if whole else 0
-        if len(whole) < len(records) and self._is_regular:
+        if len(whole) < len(records):
             with suppress(OSError):
                 os.ftruncate(self._descriptor, self._size)
                 os.lseek(self._descriptor, self._size, os.SEEK_SET)
@@ -79,18 +76,21 @@ class LogFile:
 
 
 def _open(path: Path) -> tuple[int, bool]:
-    """The descriptor, and whether the file was made."""
+    """The descriptor of a regular file, and whether it was made; a pipe is not waited for."""
     flags = os.O_WRONLY | os.O_CLOEXEC | os.O_NONBLOCK | os.O_NOCTTY
     try:
         try:
             return os.open(path, flags | os.O_CREAT | os.O_EXCL, 0o666), True
         except FileExistsError:
-            return os.open(path, flags), False
+            descriptor = os.open(path, flags)
+        if stat.S_ISREG(os.fstat(descriptor).st_mode):
+            return descriptor, False
+        os.close(descriptor)
+        raise OSError(errno.EINVAL, "a device or a pipe")
     except OSError as error:
-        found = "a pipe that no process reads" if path.is_fifo() else error.strerror
         raise ConfigError(
             f"{path}: expected a file that the log of the bus can be written to, found "
-            f"{found}. Name another file, in a folder that exists."
+            f"{error.strerror}. Name another file, in a folder that exists."
         ) from error
 
 

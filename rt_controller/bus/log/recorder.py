@@ -1,4 +1,6 @@
-"""Recorder of a drive: frames to a candump log, and with what the loop did to a further sink.
+"""Recorder of a drive: frames to a candump log, and what the loop did with them to a journal.
+
+The journal is one line of JSON for each tick; `recording.journal` says what is in it and reads it.
 
 The loop only appends to a bounded queue; a separate thread writes and closes the files. Frames that
 do not fit are dropped and counted, and so are those that the disk does not take. In lockstep the
@@ -8,13 +10,14 @@ The lines are made here: python-can's CanutilsLogWriter appends the direction to
 stamps through floats, and replaces the class of error frames.
 """
 
+import json
 import threading
 import time
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Mapping
 from contextlib import AbstractContextManager
 from pathlib import Path
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import can
 
@@ -23,14 +26,14 @@ from rt_controller.contract.errors import ConfigError
 
 QUEUE_FRAMES = 65_536
 """three minutes of this project's frames, in case the disk blocks for that long"""
+JOURNAL_SUFFIX = ".journal"
+RECEIVED, SENT = "received", "sent"
 ERROR_FLAG = 0x2000_0000
 """of an identifier in a candump log"""
 _WRITE_INTERVAL_S = 0.2
 _FRAMES_PER_WRITE = 512
 LONGEST_CLOSE_S = 2.0
 """for what is left at the end; later the log counts as incomplete"""
-_OTHER_SUFFIXES = (".asc", ".blf", ".mf4", ".trc", ".csv", ".db")
-"""formats that python-can converts a candump log into"""
 
 
 class RecordedFrame(NamedTuple):
@@ -57,26 +60,61 @@ class RecordedFrame(NamedTuple):
         return f"{digits}#{'R' if self.is_remote else '#0' if self.is_fd else ''}{data}"
 
 
-class Sink(Protocol):
-    """A further receiver of everything that is recorded; never raises."""
+_Entry = RecordedFrame | str | Mapping[str, Any]
+"""a frame, the name of a call of the loop, or the line of a tick"""
 
-    @property
-    def path(self) -> Path:
-        """The file that is written."""
 
-    @property
-    def failure(self) -> str:
-        """Why something is missing, for people; empty if nothing is."""
+class _Journal:
+    """The file beside a log that says before which tick its frames were read or sent."""
 
-    def append(self, entries: Sequence[object], n_logged: int) -> None:
-        """Take frames and events; the log took the first `n_logged` of the frames."""
+    def __init__(self, log: Path, header: Mapping[str, Any], replaces: bool) -> None:
+        self.file = LogFile(journal_path(log), replaces)
+        self._lines = [_json_line(header)]
+        """not yet written"""
+        self._calls: list[list[str | int]] = []
+        """since the last tick"""
+
+    def append(self, entries: list[_Entry], n_logged: int) -> None:
+        """Take frames, calls and ticks; the log took the first `n_logged` of the frames."""
+        for entry in entries:
+            if isinstance(entry, RecordedFrame):
+                n_logged -= 1
+                # The step uses frames with data only, and some formats reorder the others.
+                if n_logged >= 0 and not (entry.is_remote or entry.is_error):
+                    self._add_frame(entry)
+            elif isinstance(entry, str):
+                self._calls.append([entry])
+            else:
+                self._lines.append(_json_line({**entry, "calls": self._calls}))
+                self._calls = []
+        self.file.append(self._lines)
+        self._lines = []
+
+    def _add_frame(self, frame: RecordedFrame) -> None:
+        name = SENT if frame.is_sent else RECEIVED
+        last = self._calls[-1] if self._calls else []
+        if last[:2] == [name, frame.stamp_ns]:
+            last[2] = int(last[2]) + 1
+        else:
+            self._calls.append([name, frame.stamp_ns, 1])
 
     def close(self) -> None:
-        """Complete what is written."""
+        if self._calls:
+            self.file.append([_json_line({"tick": -1, "calls": self._calls})])
+        self.file.close()
+
+
+def journal_path(log: Path) -> Path:
+    """The journal of a log."""
+    return log.with_name(log.name + JOURNAL_SUFFIX)
+
+
+def _json_line(content: Mapping[str, Any]) -> bytes:
+    return json.dumps(content, separators=(",", ":"), default=str).encode() + b"\n"
 
 
 class Recorder(AbstractContextManager["Recorder"]):
-    """A log that is being written, and a further sink; the end of the context closes them."""
+    """A log that is being written, and its journal; the end of the context closes them."""
 
     def __init__(
         self,
@@ -85,38 +123,43 @@ class Recorder(AbstractContextManager["Recorder"]):
         *,
         is_lockstep: bool,
         capacity: int = QUEUE_FRAMES,
-        epoch_offset_ns: int = 0,
         replaces: bool = False,
+        journal: Mapping[str, Any] | None = None,
     ) -> None:
-        """Open the log.
+        """Open the files.
 
         Args:
             path: of the log, or a folder, as `LogFile`.
             channel: name of the bus.
-            is_lockstep: `record` waits for the disk.
+            is_lockstep: `record` waits for the disk, and the log has simulated instead of calendar
+                time: the same run gives the same bytes.
             capacity: of the queue, in frames and events.
-            epoch_offset_ns: added to every stamp, to turn monotonic into calendar time.
-            replaces: replace an existing log.
+            replaces: replace existing files.
+            journal: first line of the journal; None: without one.
 
         Raises:
-            ConfigError: the file cannot be written, or exists already, or its suffix is that of
+            ConfigError: a file cannot be written, or exists already, or its suffix is that of
                 another format.
         """
         self.written = 0
         self._taken = self._overflowed = self._unwritable = 0
         self._capacity, self._is_lockstep = capacity, is_lockstep
-        self._channel, self._epoch_offset_ns = "_".join(channel.split()) or "can", epoch_offset_ns
+        self._channel = "_".join(channel.split()) or "can"
+        self._epoch_offset_ns = 0 if is_lockstep else time.time_ns() - time.monotonic_ns()
         self._log = _open_log(path, replaces)
-        self._sink: Sink | None = None
+        self._journal: _Journal | None = None
+        try:
+            if journal is not None:
+                self._journal = _Journal(self._log.path, journal, replaces)
+        except BaseException:
+            self._log.close()
+            raise
+        self._files = [self._log, *(() if self._journal is None else (self._journal.file,))]
         self._is_closed = self._is_explained = self._is_given_up = False
-        self._queue: deque[object] = deque()
+        self._queue: deque[_Entry] = deque()
         self._is_closing = threading.Event()
         self._writer = threading.Thread(target=self._run, name="recorder", daemon=True)
         self._writer.start()
-
-    def add(self, sink: Sink) -> None:
-        """Record to this sink too, before the first frame; it is closed with the recorder."""
-        self._sink = sink
 
     @property
     def path(self) -> Path:
@@ -172,9 +215,9 @@ class Recorder(AbstractContextManager["Recorder"]):
             )
         )
 
-    def record_event(self, event: object) -> None:
-        """Keep an event for the sink, not changed any more; none where the queue is full."""
-        if self._sink is not None and self._has_room():
+    def record_event(self, event: str | Mapping[str, Any]) -> None:
+        """Keep a call or a tick for the journal, not changed any more; none in a full queue."""
+        if self._journal is not None and self._has_room():
             self._queue.append(event)
 
     def close(self) -> None:
@@ -191,10 +234,6 @@ class Recorder(AbstractContextManager["Recorder"]):
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    @property
-    def _files(self) -> Sequence[LogFile | Sink]:
-        return [self._log] if self._sink is None else [self._log, self._sink]
-
     def _has_room(self) -> bool:
         """True if the queue has room; in lockstep the disk is waited for."""
         while len(self._queue) >= self._capacity:
@@ -207,8 +246,9 @@ class Recorder(AbstractContextManager["Recorder"]):
         while not self._is_closing.wait(_WRITE_INTERVAL_S):
             self._write_queue()
         self._write_queue()
-        for file in self._files:
-            file.close()
+        self._log.close()
+        if self._journal is not None:
+            self._journal.close()
 
     def _write_queue(self) -> None:
         # A full disk must end neither the drive nor this thread.
@@ -221,24 +261,12 @@ class Recorder(AbstractContextManager["Recorder"]):
                 return
             self.written += n_written
             self._unwritable += len(lines) - n_written
-            if self._sink is not None:
-                self._sink.append(entries, n_written)
+            if self._journal is not None:
+                self._journal.append(entries, n_written)
 
     def _line(self, frame: RecordedFrame) -> bytes:
         seconds, rest_ns = divmod(frame.stamp_ns + self._epoch_offset_ns, 1_000_000_000)
         return f"({seconds}.{rest_ns // 1000:06d}) {self._channel} {frame.line}\n".encode()
-
-
-def open_recorder(
-    path: Path | None, channel: str, is_lockstep: bool = False, replaces: bool = False
-) -> Recorder | None:
-    """A recorder with calendar time in its stamps; None if no file is named."""
-    if path is None:
-        return None
-    offset_ns = epoch_offset_ns(is_lockstep)
-    return Recorder(
-        path, channel, is_lockstep=is_lockstep, epoch_offset_ns=offset_ns, replaces=replaces
-    )
 
 
 def log_to_json(recorder: Recorder | None) -> dict[str, Any]:
@@ -257,30 +285,11 @@ def require_recordable(path: Path | None, replaces: bool = False) -> None:
         _open_log(path, replaces).close()
 
 
-def epoch_offset_ns(is_lockstep: bool) -> int:
-    """What turns a stamp of the loop into calendar time.
-
-    In lockstep the stamps are simulated time: the same run gives the same bytes.
-    """
-    return 0 if is_lockstep else time.time_ns() - time.monotonic_ns()
-
-
 def _open_log(path: Path, replaces: bool) -> LogFile:
-    suffix = path.suffix.lower()
-    if suffix in _OTHER_SUFFIXES and not path.is_dir():
+    if path.suffix.lower() != SUFFIX and not path.is_dir():
         raise ConfigError(
-            f"{path}: expected a candump log (.log), found the suffix of another format. Record a "
-            f".log and convert it: can_logconvert drive.log drive{suffix}"
-        )
-    if suffix == ".mcap":
-        raise ConfigError(
-            f"{path}: expected a log of frames, found the suffix of MCAP, which has decoded "
-            f"signals. Record a .log, and convert it: rt-controller replay drive.log --mcap {path}"
-        )
-    is_new = not path.exists() and not path.is_symlink()
-    if suffix != SUFFIX and (path.is_file() or is_new):
-        raise ConfigError(
-            f"{path}: expected a log with the suffix {SUFFIX}, or a folder that exists, found "
-            f"neither. Name it {path.name}{SUFFIX}, or make the folder first."
+            f"{path}: expected a candump log with the suffix {SUFFIX}, or a folder that exists, "
+            f"found neither. Record a {SUFFIX}; can_logconvert, or rt-controller replay --mcap, "
+            f"makes the other formats of it."
         )
     return LogFile(path, replaces)

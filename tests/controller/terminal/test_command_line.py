@@ -23,7 +23,7 @@ from rt_controller.session import ControllerSession
 from rt_controller.terminal import run as terminal_run
 from rt_controller.terminal.stop_message import VEHICLE_KNOWS
 
-LINKED = ("--json", "--ticks", "--plot", "--record")
+LINKED = ("--json", "--ticks", "--plot")
 LONG = "/tmp/[/x]/[sim]/" + 20 * "long-folder/"
 
 

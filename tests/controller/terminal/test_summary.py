@@ -13,7 +13,8 @@ from rt_controller.bus.condition import BusCondition
 from rt_controller.bus.messages import REFERENCE, STATE, Node
 from rt_controller.bus.receive import Inbox, ReceptionCounts
 from rt_controller.contract.errors import OutputError
-from rt_controller.contract.faults import Fault, StopCause
+from rt_controller.contract.faults import FAULT_SENTENCES, Fault, StopCause
+from rt_controller.contract.quantities import Quantity
 from rt_controller.contract.signals import AT_REST, ControlInput, Mode, PathReference
 from rt_controller.drive.scenario import LateralError
 from rt_controller.drive.trace import DriveTrace
@@ -22,11 +23,10 @@ from rt_controller.model.validity import Excess
 from rt_controller.realtime.scheduling import NO_GUARANTEES
 from rt_controller.realtime.timing import DeadlineAccount, TickTimes
 from rt_controller.report.table import print_table
-from rt_controller.safety.checks import CHECKS, NOT_COMPUTED, Quantity
+from rt_controller.safety.checks import CHECKS, NOT_COMPUTED
 from rt_controller.safety.tick import Estimate, Tick
 from rt_controller.session import ControllerSession
 from rt_controller.terminal.stop_message import (
-    FAULT_SENTENCES,
     VEHICLE_KNOWS,
     begin_of_stop,
     explain_stop,
@@ -259,7 +259,8 @@ def stopped(cause: StopCause) -> ControllerSession:
     values = [NOT_COMPUTED] * len(Quantity)
     values[Quantity.BRAKE_N] = 15.0
     record = SimpleNamespace(stop_tick=184, stop_s=4.6, result=Tick(cause=cause))
-    session = SimpleNamespace(stop_values=values, checks=CHECKS, record=record)
+    supervisor = SimpleNamespace(checks=CHECKS)
+    session = SimpleNamespace(stop_values=values, supervisor=supervisor, record=record)
     return cast("ControllerSession", session)
 
 

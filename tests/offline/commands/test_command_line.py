@@ -17,7 +17,6 @@ from pathlib import Path
 import pytest
 from fitted_network import fitted
 
-from offline.cli import ablate_main
 from offline.commands import data, evaluate, export, import_logs, terminal
 from offline.commands import train as training
 from offline.commands.terminal import stop_on_signals
@@ -96,7 +95,7 @@ def test_a_missing_package_exits_3_with_its_install_command(command, monkeypatch
 
 def test_the_options_of_the_commands_import_no_heavy_package():
     script = (
-        "import sys, offline.cli, offline.entry; from importlib import import_module; "
+        "import sys, offline.entry; from importlib import import_module; "
         "[import_module(getattr(offline.entry, name).args[1]) "
         "for name in dir(offline.entry) if name.endswith('_main')]; "
         "print([m for m in ('torch', 'onnx', 'onnxruntime', 'numpy') if m in sys.modules])"
@@ -292,7 +291,6 @@ REFUSED = [
     (training.main, ("--data", TOY, "--runs", "file/runs", "--steps", 3, *SMALL), "--runs"),
     # A misspelt name must not start minutes of simulation.
     (training.main, NO_DATA, "typo.*offline-data"),
-    (ablate_main, ("recommended", *NO_DATA), "typo.*offline-data"),
     (data.main, ("--episodes", "3"), "--episodes"),
     (data.main, ("--data", "file/data", "--episodes", "10", "--jobs", "1"), "--data"),
     (data.main, ("--episodes", 50, "--data", TOY), "40 episodes of seed 3"),

@@ -4,8 +4,8 @@ import hashlib
 
 import numpy as np
 import pytest
-from worker_tasks import die, square
 
+from offline.campaign import Backend
 from offline.config import PAST_STEPS
 from offline.data import generate as generate_module
 from offline.data.generate import (
@@ -15,13 +15,11 @@ from offline.data.generate import (
     LARGEST_SIDESLIP_RAD,
     LOWEST_SPEED_MPS,
     SLICES,
-    WorkersLostError,
     assemble,
     generate,
     is_kept,
     make_episode,
     plant_fingerprint,
-    run_tasks,
 )
 from offline.data.recipe import Recipe, draw_conditions
 from offline.data.recording import cut
@@ -61,7 +59,7 @@ def test_each_slice_starts_with_its_own_lateral_and_heading_error(episode):
 
 
 def test_episodes_are_concatenated_with_five_slices_each():
-    made = generate(Recipe(), 4, seed=5, jobs=1)
+    made = generate(Recipe(), 4, seed=5, backend=Backend(jobs=1))
     assert made.recording.first.tolist() == [0, 421, 842, 1263]
     assert len(made.recording.x) == len(made.recording.u) == len(made.recording.w) == 4 * 421
     rows = made.slices.row.reshape(4, SLICES) - made.recording.first[:, None]
@@ -107,7 +105,7 @@ def test_the_default_recipe_makes_the_same_bytes():
 
     Rounded, because another processor makes other last digits.
     """
-    recording = generate(Recipe(), 3, seed=0, jobs=1).recording
+    recording = generate(Recipe(), 3, seed=0, backend=Backend(jobs=1)).recording
     numbers = [recording.x, recording.u, recording.w, recording.pose]
     text = ",".join(
         f"{round(float(value), 3) + 0.0:.3f}" for array in numbers for value in array.ravel()[::97]
@@ -134,26 +132,12 @@ def test_conditions_in_which_no_drive_is_kept_are_refused(monkeypatch):
         make_episode(ice, np.random.SeedSequence(0))
 
 
-NUMBERS = [(number,) for number in range(20)]
-SQUARES = {number: number * number for (number,) in NUMBERS}
-
-
-@pytest.mark.parametrize("jobs", [1, 2])
-def test_every_task_gives_its_result_with_its_index(jobs):
-    assert dict(run_tasks(square, NUMBERS, jobs)) == SQUARES
-
-
-def test_killed_worker_ends_with_an_error_that_names_lack_of_memory():
-    with pytest.raises(WorkersLostError, match="Look for lack of memory"):
-        list(run_tasks(die, NUMBERS, 2))
-
-
 def test_data_and_rejections_depend_on_recipe_and_seed_and_not_on_the_number_of_processes():
     """Of slow drives, some are rejected and drawn again."""
     slow = Recipe(first_speed_mps=(4.0, 9.0), drive_brake_coast=(0.5, 0.5, 0.0), variation=VARIED)
     reported = []
-    alone = generate(slow, 22, seed=1, jobs=1, on_progress=reported.append)
-    together = generate(slow, 22, seed=1, jobs=2)
+    alone = generate(slow, 22, seed=1, backend=Backend(jobs=1), on_progress=reported.append)
+    together = generate(slow, 22, seed=1, backend=Backend(jobs=2))
     assert reported == [0, 20, 22]
     assert alone.rejected == together.rejected > 0
     for one, other in zip(alone.recording, together.recording, strict=True):

@@ -7,6 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from offline.campaign import Backend
 from offline.config import PAPER
 from offline.data.dataset import cache, save_dataset, split_episodes
 from offline.data.generate import generate
@@ -68,7 +69,9 @@ def trained_on(dataset):
 
 
 def test_data_sets_of_one_seed_begin_with_the_same_episodes():
-    few, more = (generate(Recipe(), episodes, seed=5, jobs=1) for episodes in (2, 3))
+    few, more = (
+        generate(Recipe(), episodes, seed=5, backend=Backend(jobs=1)) for episodes in (2, 3)
+    )
     assert np.array_equal(few.recording.x, more.recording.x[: len(few.recording.x)])
 
 

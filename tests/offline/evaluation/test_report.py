@@ -8,12 +8,16 @@ import pytest
 from made_models import input_gains, join_gains, saturations
 from toy_predictors import WithError, made_test_set, made_trajectories, with_random_error
 
-from offline.evaluation import lane_change
+from offline.evaluation import lane_change, page
 from offline.evaluation.comparison import compare_models
 from offline.evaluation.model_card import model_facts, write_card
-from offline.evaluation.report import evaluation_page
 from offline.evaluation.series import Series, Slice
-from offline.evaluation.tables import comparison_tables, headline, mse_table, ratio_table
+from offline.evaluation.tables import (
+    comparison_tables,
+    headline,
+    mse_table,
+    ratio_table,
+)
 from offline.model.export_checks import BoxStability, DrivenStability, ExportFigures
 from rt_controller.contract.figures import write_figures
 from rt_controller.contract.signals import VEHICLE, Schema, Signal
@@ -140,34 +144,34 @@ def test_a_baseline_that_did_not_converge_is_named_below_tables_and_in_json():
     assert comparison.figures["not_converged"] == ["gru"]
 
 
-def page_of(comparison, lane_change=None):
-    bundles = {name: load_bundle(shipped_model("lti")) for name in comparison.models}
-    return render_page(evaluation_page(comparison, bundles, lane_change))
-
-
-def test_the_page_has_the_first_sentence_and_table_and_four_plots_without_a_script():
-    odd = "lti-per-curvature <x>"
-    shown = made_comparison(
-        {"lti": with_random_error(MADE, 2.0, 1), odd: with_random_error(MADE, 3.0, 2)}
+@pytest.fixture(scope="module")
+def shown():
+    return made_comparison(
+        {
+            "lti": with_random_error(MADE, 2.0, 1),
+            "lti-per-curvature <x>": with_random_error(MADE, 3.0, 2),
+        }
     )
+
+
+def made_page(shown, predicted):
     windows = made_trajectories(lane_change.WINDOWS)
-    scenario = load_scenario(lane_change.SCENARIO)
+    scenario = load_scenario("double_lane_change")
     driven = lane_change.LaneChange(scenario, windows, windows.x[..., 4].astype(float))
-    predicted = {name: windows.x.astype(float) + 1.0 for name in shown.names}
-    html = page_of(shown, (driven, predicted))
+    bundles = [load_bundle(shipped_model("lti"))] * len(shown.models)
+    states = {name: windows.x.astype(float) + 1.0 for name in predicted}
+    return render_page(page.evaluation_page(shown, bundles, (driven, states)))
+
+
+def test_page_shows_the_first_table_and_four_plots_without_a_script(shown):
+    html = made_page(shown, shown.names)
     assert html.count("<svg") == 4
     assert "<script" not in html
-    table = mse_table(shown, shown.sets[0])
-    for _, *cells in table.rows:
-        for cell, column in zip(cells, table.columns[1:], strict=True):
-            wanted = f"{cell.text}<br><small>{cell.detail}</small>"
-            assert f'<td data-label="{column.title}, {column.unit}">{wanted}</td>' in html
-    assert html.index(headline(shown)) < html.index("<svg") < html.index("<table")
-    for text in (
-        load_bundle(shipped_model("lti")).sha256[:16],
-        "80 km/h",
-        "lti-per-curvature &lt;",
-    ):
+    for _, *cells in mse_table(shown, shown.sets[0]).rows:
+        assert all(f"{cell.text}<br><small>{cell.detail}</small>" in html for cell in cells)
+    body = html[html.index("<h1") :]
+    assert body.index(headline(shown)) < body.index("<svg") < body.index("<table")
+    for text in ("80 km/h", "lti-per-curvature &lt;x&gt;"):
         assert text in html
 
 
@@ -175,15 +179,21 @@ def test_a_diverging_baseline_can_be_drawn():
     error = np.zeros(MADE.x.shape)
     error[0, 30:] = np.nan
     error[1, 30:] = 1e200
-    assert page_of(made_comparison({"broken": WithError(MADE, error)})).count("<svg") == 3
+    shown = made_comparison({"broken": WithError(MADE, error)})
+    assert made_page(shown, shown.models).count("<svg") == 4
 
 
-def test_data_of_other_states_and_no_baselines_have_a_page_without_ratios_and_lane_change():
+def test_data_of_other_states_without_roads_have_a_page_without_a_lane_change(lti):
     schema = Schema((Signal("speed_mps", "m/s"), Signal("heat_k", "K")), (), (), 0.1)
     made = made_trajectories(20, steps=40, states=2)
-    shown = compare_models({"m": with_random_error(made)}, {}, [made_test_set(made)], schema)
-    html = page_of(shown)
-    assert html.count("<svg") == 2
+    shown = compare_models(
+        {"m": with_random_error(made)},
+        {"n": with_random_error(made, 2.0)},
+        [made_test_set(made)],
+        schema,
+    )
+    html = render_page(page.evaluation_page(shown, [lti], None))
+    assert "Double lane change" not in html
     assert "heat" in html
 
 

@@ -154,5 +154,5 @@ def test_without_past_signals_the_model_is_trained_and_exported_without_history(
 
 
 def test_the_controller_refuses_the_bundle(bundle):
-    with pytest.raises(ArtifactError, match="not a model of this car"):
+    with pytest.raises(ArtifactError, match="cannot drive this car"):
         require_drivable(bundle)

@@ -18,9 +18,9 @@ from kinematic_car import (
 )
 
 from rt_controller.contract.faults import StopCause
-from rt_controller.contract.limits import DEFAULT_GEOMETRY
+from rt_controller.contract.quantities import Quantity
 from rt_controller.contract.signals import NEUTRAL_INPUT, CurvaturePreview
-from rt_controller.safety.checks import Quantity, Reaction
+from rt_controller.safety.checks import Reaction
 from rt_controller.safety.isolation import Faulty
 from rt_controller.safety.motion import MotionPrediction
 from rt_controller.safety.tick import Estimate
@@ -326,23 +326,3 @@ def test_a_command_that_is_not_known_ends_the_predictions():
     car = driven(20)
     car.disturb = lambda received: replace(received, applied=None)
     assert car.tick(5).is_measured
-
-
-def test_counter_steering_is_the_wheel_beyond_that_of_a_steady_turn():
-    car = turning(path=STRAIGHT)
-    assert car.supervisor.cornering(NEUTRAL_INPUT)[:3] == (0.0, 0.0, 0.0)
-    car.tick(20)
-    state, geometry = car.state, DEFAULT_GEOMETRY
-    steady_rad = geometry.steady_wheel_rad(state.vx_mps, state.yaw_rate_radps)
-    turned = NEUTRAL_INPUT._replace(steer_rad=0.3)
-    found = car.supervisor.cornering(turned)
-    assert found.counter_steering_rad == pytest.approx(0.3 - steady_rad)
-    assert found.lateral_mps2 == pytest.approx(state.vx_mps * state.yaw_rate_radps)
-
-
-@pytest.mark.parametrize(("vx_mps", "expected_rad"), [(9.0, 0.3), (8.9, 0.0)])
-def test_a_slow_car_has_no_counter_steering(vx_mps, expected_rad):
-    car = driven(5, vx_mps=vx_mps)
-    turned = NEUTRAL_INPUT._replace(steer_rad=0.3)
-    found_rad = car.supervisor.cornering(turned).counter_steering_rad
-    assert found_rad == pytest.approx(expected_rad, abs=1e-6)

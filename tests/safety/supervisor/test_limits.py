@@ -18,9 +18,10 @@ from kinematic_car import (
 
 from rt_controller.contract.car import DEFAULT_CAR
 from rt_controller.contract.faults import NO_FAULT, Fault, StopCause
+from rt_controller.contract.quantities import Quantity
 from rt_controller.model.validity import TrainedRange, Validity
 from rt_controller.safety import supervisor
-from rt_controller.safety.checks import CHECKS, Quantity, Reaction, checks_of
+from rt_controller.safety.checks import CHECKS, Reaction, checks_of
 from rt_controller.safety.tick import Estimate
 
 JUMPED = STRAIGHT._replace(c0_m=0.6)

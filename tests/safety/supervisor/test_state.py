@@ -17,7 +17,8 @@ from kinematic_car import (
 )
 
 from rt_controller.contract.faults import StopCause
-from rt_controller.safety.checks import CHECKS, Quantity
+from rt_controller.contract.quantities import Quantity
+from rt_controller.safety.checks import CHECKS
 
 
 def test_a_car_whose_states_fit_together_is_accepted():
