@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from offline.commands.options import LATEST_RUN, RUNS, JsonFile, require_ready
 from offline.commands.terminal import STDERR, STDOUT
 from offline.config import PAST_STEPS
-from rt_controller.contract.errors import ArtifactError, ConfigError
+from rt_controller.contract.errors import ArtifactError, ConfigError, RtControllerError
 from rt_controller.contract.figures import require_writable, write_figures
 from rt_controller.terminal.command_line import new_app, run_command
 
@@ -76,7 +76,8 @@ def export_run(
     run = open_run(path)
     checkpoint = load_checkpoint(run.best)
     dataset = load_dataset(data or run.data_folder)
-    bundle, checks = export_checkpoint(checkpoint, dataset)
+    first_model = _find_first_model(checkpoint.config.init)
+    bundle, checks = export_checkpoint(checkpoint, dataset, first_model=first_model)
     facts = [
         Fact("preset", checkpoint.config.preset),
         Fact(
@@ -91,6 +92,16 @@ def export_run(
         *(Fact(f"version of {name}", number) for name, number in run.versions.items()),
     ]
     return _deliver(bundle, checks, facts, dataset, output or run.bundle, is_tried)
+
+
+def _find_first_model(name: str | None) -> "Bundle | None":
+    """The bundle that a training began with; None if there was none, or it is no longer there."""
+    from rt_controller.model.artifact import find_model, load_bundle
+
+    try:
+        return None if name is None else load_bundle(find_model(name))
+    except RtControllerError:
+        return None
 
 
 def export_baseline(

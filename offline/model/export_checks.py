@@ -7,6 +7,7 @@ the gains of a bilinear model do not saturate); o is 1 for the saturation of the
 tanh(a) - a, and otherwise 0.
 """
 
+from dataclasses import replace
 from itertools import product
 from typing import NamedTuple
 
@@ -14,6 +15,7 @@ import numpy as np
 
 from offline.config import TrainingConfig
 from offline.data.dataset import Dataset
+from offline.data.signals import noise_matrix
 from offline.model.bundle_predictor import BundlePredictor
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.errors import ArtifactError
@@ -41,6 +43,8 @@ class DrivenStability(NamedTuple):
 
 PENALISED = DrivenStability(radius=1.001, growth=10.0)
 """of a model whose growth under inputs is penalised in training, gains not or entirely saturated"""
+LARGEST_CHANGE = 2.0
+"""of the growth of the model that a training began with"""
 OTHERS = DrivenStability(radius=1.05, growth=100.0)
 """of any other model, and of gains that saturate partly, as those of a car that slides; a mode that
 doubles within the controller's horizon is not a car's"""
@@ -72,12 +76,24 @@ def limits_of(config: TrainingConfig) -> DrivenStability:
     return PENALISED if config.stability == "driven" else OTHERS
 
 
+def limits_beside(first: Bundle, bundle: Bundle, limits: DrivenStability) -> DrivenStability:
+    """The limits for a `bundle` whose training began with the model `first`.
+
+    In units of the spread of few data that one may grow much too.
+    """
+    same_data = replace(first, selftest=bundle.selftest, selftest_psi=bundle.selftest_psi)
+    found = box_stability(same_data, signal_box(bundle)).unsaturated
+    growth = max(limits.growth, LARGEST_CHANGE * found.growth)
+    return DrivenStability(max(limits.radius, found.radius), growth)
+
+
 def check_export(
     bundle: Bundle, dataset: Dataset, limits: DrivenStability = OTHERS
 ) -> ExportFigures:
     """The figures of a bundle that may be exported.
 
-    A state that does not change in the validation part is not compared with persistence.
+    A state that changes less in the validation part than the noise of production sensors is not
+    compared with persistence.
 
     Raises:
         ArtifactError: a number is not finite; the model grows too much under inputs within their
@@ -130,12 +146,12 @@ def _require_better_than_persistence(predictor: BundlePredictor, dataset: Datase
         error = np.square(predictor.predict(x[:, 0], past, u, w) - x)[:, 1:].mean(axis=(0, 1))
         persistence = np.square(x[:, :1] - x)[:, 1:].mean(axis=(0, 1))
         ratio = np.asarray(persistence / error)
+    names = dataset.schema.state_names
+    noises = np.square(noise_matrix(names, dataset.schema.dt_s)).sum(axis=0)
     worse = [
         f"{name} (mean squared error {found:.3g}, of persistence {expected:.3g})"
-        for name, found, expected in zip(
-            dataset.schema.state_names, error, persistence, strict=True
-        )
-        if not (found < expected or expected == 0.0)
+        for name, found, expected, noise in zip(names, error, persistence, noises, strict=True)
+        if not (found < expected or expected <= noise)
     ]
     if worse:
         raise ArtifactError(

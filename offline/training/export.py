@@ -8,7 +8,7 @@ from offline.data.manifest import describe_training
 from offline.data.signals import past_names, signal_range
 from offline.data.validity import validity_of
 from offline.model.encoder import MakeEncoder
-from offline.model.export_checks import ExportFigures, check_export, limits_of
+from offline.model.export_checks import ExportFigures, check_export, limits_beside, limits_of
 from offline.model.physical_units import (
     PhysicalEncoder,
     choose_selftest,
@@ -23,9 +23,14 @@ from rt_controller.model.lift import Lift
 
 
 def export_checkpoint(
-    checkpoint: Checkpoint, dataset: Dataset, encoder: MakeEncoder | None = None
+    checkpoint: Checkpoint,
+    dataset: Dataset,
+    encoder: MakeEncoder | None = None,
+    first_model: Bundle | None = None,
 ) -> tuple[Bundle, ExportFigures]:
     """The bundle of a checkpoint, and what its checks found; `encoder` as of `train`.
+
+    `first_model` is the one of --init: it is a measure of the stability.
 
     Raises:
         ArtifactError: the model does not pass `check_export`, or has another encoder.
@@ -66,4 +71,7 @@ def export_checkpoint(
         signal_range=signal_range(dataset.select("train"), dataset.schema),
         validity=validity_of(dataset, config.windows == "all" and config.near_roads > 0.0),
     )
-    return bundle, check_export(bundle, dataset, limits_of(config))
+    limits = limits_of(config)
+    if first_model is not None:
+        limits = limits_beside(first_model, bundle, limits)
+    return bundle, check_export(bundle, dataset, limits)

@@ -254,9 +254,11 @@ class Bundle:
     def parity_error(self, psi: Array) -> float:
         """Largest difference between psi (b, n), lifted from the self-test, and the stored one.
 
-        In units of `spread`; NaN if an entry of psi is NaN.
+        In units of `spread`, or of a tenth of the size, to which float32 rounds, if that is more;
+        NaN if an entry of psi is NaN.
         """
-        return float(np.max(np.abs(psi - self.selftest_psi) / self.spread))
+        unit = np.maximum(self.spread, 0.1 * np.abs(self.selftest_psi).max(axis=0))
+        return float(np.max(np.abs(psi - self.selftest_psi) / unit))
 
 
 def spectral_radius_of(A: Array) -> float:

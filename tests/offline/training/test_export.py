@@ -17,7 +17,9 @@ from offline.model.export_checks import (
     DrivenStability,
     box_stability,
     check_export,
+    limits_beside,
     limits_of,
+    signal_box,
 )
 from offline.model.physical_units import choose_selftest
 from offline.training.export import export_checkpoint
@@ -260,3 +262,14 @@ def test_radius_and_growth_are_limited_each_by_itself(lti, toy_dataset):
         check_export(lti, toy_dataset, DrivenStability(0.9999 * radius, np.inf))
     with pytest.raises(ArtifactError, match="a growth of at most"):
         check_export(lti, toy_dataset, DrivenStability(OTHERS.radius, 0.99 * growth))
+
+
+def test_a_model_may_grow_twice_as_much_as_the_one_that_its_training_began_with(lti):
+    """In units of the spread of the new data."""
+    centre = lti.selftest_psi.mean(axis=0)
+    narrow = centre + (lti.selftest_psi - centre) * np.where(np.arange(6) == 1, 1e-3, 1.0)
+    bundle = replace(lti, selftest_psi=narrow)
+    growth = box_stability(bundle, signal_box(bundle)).unsaturated.growth
+    assert growth > PENALISED.growth
+    assert limits_beside(lti, bundle, PENALISED).growth == pytest.approx(2.0 * growth)
+    assert limits_beside(lti, lti, OTHERS) == OTHERS
