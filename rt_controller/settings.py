@@ -39,7 +39,7 @@ ShippedScenario = Literal[
 ShippedCar = Literal[
     "c_class_150kw_awd", "c_class_125kw_fwd", "c_class_150kw_bev", "commonroad_vehicle_2"
 ]
-OWN, FMU, COMMONROAD = "own", "fmu", "commonroad"
+OWN, FMU, COMMONROAD, MODEL = "own", "fmu", "commonroad", "model"
 SCENARIO_SUFFIXES = (".toml", ".xodr")
 """of scenarios of this project and OpenDRIVE maps"""
 CAR_PRIORITY = 40
@@ -92,7 +92,8 @@ class CarSettings(Settings):
     scenario: ShippedScenario | str = "double_lane_change"
     """a shipped manoeuvre, or the path of a .toml file or an OpenDRIVE map (map.xodr#ROAD,ROAD)"""
     plant: str = "own"
-    """own, fmu:FILE.fmu (FMI 2 or 3 co-simulation) or commonroad:NUMBER"""
+    """own, fmu:FILE.fmu (FMI 2 or 3 co-simulation), commonroad:NUMBER, or model:BUNDLE: the car as a
+    model has learned it"""
     plant_mapping: Path | None = None
     """which variable of the FMU is which signal; default: FILE.toml beside FILE.fmu"""
     car: ShippedCar | str | None = None
@@ -128,8 +129,8 @@ class CarSettings(Settings):
     @classmethod
     def _require_kind_of_plant(cls, found: str) -> str:
         kind, _, what = found.partition(":")
-        if kind not in (OWN, FMU, COMMONROAD) or (kind == OWN) == bool(what):
-            raise ValueError("expected own, fmu:FILE.fmu or commonroad:NUMBER")
+        if kind not in (OWN, FMU, COMMONROAD, MODEL) or (kind == OWN) == bool(what):
+            raise ValueError("expected own, fmu:FILE.fmu, commonroad:NUMBER or model:BUNDLE")
         return found
 
     @field_validator("friction", "friction_right")

@@ -153,7 +153,8 @@ def simulate(
         scenario: name of a shipped scenario, path of a .toml or .xodr file, or a
             `sim_bridge.Scenario`.
         model: name of a shipped model, folder of a bundle, or a `Bundle`; default: mdk-net.
-        plant: "own", "fmu:FILE.fmu", "commonroad:NUMBER", or an object that implements `Plant`.
+        plant: "own", "fmu:FILE.fmu", "commonroad:NUMBER", "model:BUNDLE", or an object that
+            implements `Plant`.
         car: parameters of the own car: a shipped name, or path of a .toml file.
         friction: of the road; default: the scenario's.
         faults: path of a .toml file with faults of bus and actuators; added to the scenario's.

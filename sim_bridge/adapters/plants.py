@@ -3,7 +3,8 @@
 from pathlib import Path
 
 from rt_controller.contract.errors import ConfigError
-from rt_controller.settings import COMMONROAD, FMU, OWN, CarSettings
+from rt_controller.model.artifact import find_model, load_bundle
+from rt_controller.settings import COMMONROAD, FMU, MODEL, OWN, CarSettings
 from sim_bridge.plant.parts import NO_PAYLOAD, Payload
 from sim_bridge.plant.protocol import Plant, RoadAt
 
@@ -24,12 +25,15 @@ def open_plant(
 
     Raises:
         MissingExtraError: its optional dependencies are not installed.
-        ConfigError: there is no such file or vehicle, or an option does not apply to the plant.
+        ArtifactError: a bundle cannot be loaded.
+        ConfigError: there is no such file, bundle or vehicle, or an option does not apply to the
+            plant.
     """
     kind, _, what = settings.plant.partition(":")
     for setting, value, owners in (
         ("plant_mapping", settings.plant_mapping, (FMU,)),
         ("car", settings.car, (OWN,)),
+        ("friction", settings.friction, (OWN, FMU, COMMONROAD)),
         ("friction_right", settings.friction_right, (OWN, FMU)),
     ):
         if value is not None and kind not in owners:
@@ -64,6 +68,10 @@ def open_plant(
                 f"{', '.join(VEHICLES)}, found {what!r}. Try commonroad:2."
             )
         return CommonRoadPlant(int(what), friction)
+    if kind == MODEL:
+        from sim_bridge.adapters.learned_car import LearnedCar
+
+        return LearnedCar(load_bundle(find_model(what)), settings.plant)
     from sim_bridge.adapters.own_car import OwnCar, ground_at
     from sim_bridge.plant import parameters as cars
     from sim_bridge.plant.shipped_cars import DEFAULT_CAR
