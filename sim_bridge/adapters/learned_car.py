@@ -1,8 +1,9 @@
 """`LearnedCar`: the model of a bundle as the car, for a quick look at a model of one's own logs.
 
-The model predicts the motion from one period to the next. Every two seconds, the longest prediction
-that it was trained with, it begins again at its own last state. Below the speeds of its data the car
-is kinematic: it rolls without sideslip, and its pedals have the gains of the slowest speed.
+The model predicts the motion from one period to the next. Every two seconds, the longest
+prediction that it was trained with, it begins again at its own last state. Below the speeds of its
+data the car is kinematic: it rolls without sideslip, and its pedals have the gains of the slowest
+speed.
 """
 
 from math import tan

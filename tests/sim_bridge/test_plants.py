@@ -18,9 +18,9 @@ from sim_bridge.adapters.plants import open_plant
 @pytest.mark.parametrize(
     ("choice", "words"),
     [
-        ({"plant": "mine"}, "expected own, fmu:FILE.fmu or commonroad:NUMBER"),
-        ({"plant": "own:2"}, "expected own, fmu:FILE.fmu or commonroad:NUMBER"),
-        ({"plant": "fmu"}, "expected own, fmu:FILE.fmu or commonroad:NUMBER"),
+        ({"plant": "mine"}, "expected own, fmu:FILE.fmu, commonroad:NUMBER or model:BUNDLE"),
+        ({"plant": "own:2"}, "expected own, fmu:FILE.fmu, commonroad:NUMBER or model:BUNDLE"),
+        ({"plant": "fmu"}, "expected own, fmu:FILE.fmu, commonroad:NUMBER or model:BUNDLE"),
         ({"plant": "commonroad:two"}, "1, 2, 3, found 'two'"),
         ({"plant_mapping": Path("car.toml")}, "`plant_mapping`: expected `plant` fmu"),
         ({"plant": "commonroad:2", "car": "c_class_125kw_fwd"}, "`car`: expected `plant` own"),
