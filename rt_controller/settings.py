@@ -92,8 +92,8 @@ class CarSettings(Settings):
     scenario: ShippedScenario | str = "double_lane_change"
     """a shipped manoeuvre, or the path of a .toml file or an OpenDRIVE map (map.xodr#ROAD,ROAD)"""
     plant: str = "own"
-    """own, fmu:FILE.fmu (FMI 2 or 3 co-simulation), commonroad:NUMBER, or model:BUNDLE: the car that
-    a model has learned"""
+    """own, fmu:FILE.fmu (FMI 2 or 3 co-simulation), commonroad:NUMBER, or model:BUNDLE: the car as
+    a model has learned it"""
     plant_mapping: Path | None = None
     """which variable of the FMU is which signal; default: FILE.toml beside FILE.fmu"""
     car: ShippedCar | str | None = None
