@@ -1,6 +1,7 @@
 """`offline-export`: check a model, compare it with baselines, write the bundle."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -28,6 +29,7 @@ def export(
     run: Path = LATEST_RUN,
     *,
     output: Path | None = None,
+    name: str | None = None,
     baseline: str | None = None,
     data: Path | None = None,
     bundle: Path | None = None,
@@ -39,6 +41,7 @@ def export(
     Args:
         run: folder of the run
         output: folder of the bundle; default: bundle in the run, runs/BASELINE, or --bundle
+        name: of the model in summaries and tables; default: mdk-net, or the baseline's
         baseline: export this baseline of the data set instead, for instance lti or
             edmd-bilinear; docs/baselines.md lists them
         data: folder of the data set; default: the one the run was trained on
@@ -57,15 +60,32 @@ def export(
         figures = store_plans(bundle, output, is_tried)
     else:
         require_ready(json_file)
+        _require_own_name(name)
         if baseline is not None:
-            figures = export_baseline(baseline, data, output or RUNS / baseline, run, is_tried)
+            target = output or RUNS / baseline
+            figures = export_baseline(baseline, data, target, run, is_tried, name)
         else:
-            figures = export_run(run, output, data, is_tried)
+            figures = export_run(run, output, data, is_tried, name)
     write_figures(json_file, figures)
 
 
+def _require_own_name(name: str | None) -> None:
+    from offline.baselines.registry import BASELINES
+    from rt_controller.model.artifact import shipped_model
+
+    if name in {*BASELINES, *(folder.name for folder in shipped_model().parent.iterdir())}:
+        raise ConfigError(
+            f"--name: expected a name that no shipped model and no baseline has, found {name!r}. "
+            f"Choose another one."
+        )
+
+
 def export_run(
-    path: Path, output: Path | None, data: Path | None, is_tried: bool = True
+    path: Path,
+    output: Path | None,
+    data: Path | None,
+    is_tried: bool = True,
+    name: str | None = None,
 ) -> dict[str, Any]:
     """Figures of the best model of a run, after it was exported."""
     from offline.data.dataset import load_dataset
@@ -91,6 +111,7 @@ def export_run(
         Fact("revision, trained", run.revision),
         *(Fact(f"version of {name}", number) for name, number in run.versions.items()),
     ]
+    bundle = bundle if name is None else replace(bundle, name=name)
     return _deliver(bundle, checks, facts, dataset, output or run.bundle, is_tried)
 
 
@@ -105,7 +126,12 @@ def _find_first_model(name: str | None) -> "Bundle | None":
 
 
 def export_baseline(
-    name: str, data: Path | None, output: Path, run: Path, is_tried: bool
+    baseline: str,
+    data: Path | None,
+    output: Path,
+    run: Path,
+    is_tried: bool,
+    name: str | None = None,
 ) -> dict[str, Any]:
     """Figures of a baseline, after it was exported.
 
@@ -121,12 +147,12 @@ def export_baseline(
     from offline.training.run import open_run
     from rt_controller.model.lift import Lift
 
-    to_bundle = find_baseline(name).to_bundle
+    to_bundle = find_baseline(baseline).to_bundle
     if to_bundle is None:
-        drivable = [each for each, baseline in BASELINES.items() if baseline.to_bundle]
+        drivable = [each for each, kind in BASELINES.items() if kind.to_bundle]
         raise ConfigError(
-            f"--baseline {name}: expected a model that is linear or bilinear in the lifted state, "
-            f"so that a convex QP can plan with it, found another kind. Take one of "
+            f"--baseline {baseline}: expected a model that is linear or bilinear in the lifted "
+            f"state, so that a convex QP can plan with it, found another kind. Take one of "
             f"{', '.join(drivable)}."
         )
     full = full_folder()
@@ -134,11 +160,11 @@ def export_baseline(
     STDERR.print(f"data {folder}", soft_wrap=True)
     dataset = load_dataset(folder)
     whole_past = Lift(True, PAST_STEPS, past_names(dataset.schema, dataset.roles))
-    with STDERR.status(f"baseline {name}"):
-        baseline: Any = fit(name, dataset)
-    bundle = to_bundle(name, baseline, dataset, choose_selftest(dataset, whole_past))
+    with STDERR.status(f"baseline {baseline}"):
+        fitted: Any = fit(baseline, dataset)
+    bundle = to_bundle(name or baseline, fitted, dataset, choose_selftest(dataset, whole_past))
     checks = check_export(bundle, dataset)
-    return _deliver(bundle, checks, baseline.fit_info(), dataset, output, is_tried)
+    return _deliver(bundle, checks, fitted.fit_info(), dataset, output, is_tried)
 
 
 def _deliver(
@@ -151,7 +177,7 @@ def _deliver(
 ) -> dict[str, Any]:
     """Evaluate a bundle, write it with its card, and print how to drive with it."""
     from offline.commands.model_trial import NOT_TRIED, try_model
-    from offline.data.manifest import describe_car
+    from offline.data.manifest import Imported, describe_car
     from offline.evaluation.comparison import library_figures
     from offline.evaluation.model_card import driven_text, stability_text, write_card
     from offline.evaluation.tables import mse_table
@@ -187,8 +213,9 @@ def _deliver(
     STDOUT.print(f"{car.name}: {car.value}\ntrial: {trial}", soft_wrap=True)
     print_table(mse_table(comparison, comparison.sets[0]), STDOUT)
     objection = find_objection_to_driving(bundle)
+    plant = f"--plant model:{target} " if isinstance(origin, Imported) else ""
     STDOUT.print(
-        f"Drive with it:\n  rt-controller --bus virtual --model {target}"
+        f"Drive with it:\n  rt-controller --bus virtual {plant}--model {target}"
         if objection is None
         else objection,
         soft_wrap=True,

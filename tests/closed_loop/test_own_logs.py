@@ -38,11 +38,11 @@ def test_a_model_of_recorded_drives_drives(tmp_path, monkeypatch):
     run(import_logs.app, "map.toml", "logs", "--data", "data")
     options = ("--init", "mdk-net", "--steps", "20", "--batch", "32", "--learning-rate", "1e-5")
     run(training.app, "--data", "data", *options)
-    run(export.app, "--json", "export.json")
+    run(export.app, "--name", "own", "--json", "export.json")
 
     figures = json.loads((tmp_path / "export.json").read_text())
     drive = simulate("slalom", model="runs/latest/bundle", duration_s=10.0)
-    assert figures["model_sha256"][:8] in drive.model
+    assert drive.model == f"own {figures['model_sha256'][:8]}"
     assert drive.stop_cause == StopCause.STOP_REQUESTED.name
     assert drive.errors.ey_peak_m < 0.05
 

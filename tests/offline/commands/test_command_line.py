@@ -284,6 +284,8 @@ REFUSED = [
     (evaluate.main, ("--html", "no/such/folder/page.html"), "--html"),
     (export.main, ("--json", "no/such/folder.json"), "--json"),
     (export.main, ("--baseline", "gru"), "--baseline gru"),
+    (export.main, ("--name", "lti"), "--name.*'lti'"),
+    (export.main, ("--name", "mdk-net"), "--name.*'mdk-net'"),
     (training.main, ("--preset", "papre"), "paper, paper-literal, quick"),
     (training.main, ("--resume", "nowhere"), "offline-train"),
     (training.main, ("--steps", 0, "--patience", -1), "--steps.*--patience"),
