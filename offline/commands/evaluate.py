@@ -84,7 +84,7 @@ def evaluate(
     evaluation = run_evaluation(model, data, baselines, sets, noise, refit)
     comparison, library = evaluation.comparison, evaluation.comparison.sets[0]
     STDOUT.print(headline(comparison), markup=False)
-    STDOUT.print(f"{library.name}: {library.description}; {library.count}", soft_wrap=True)
+    STDOUT.print(f"{library.size}: {library.description}", soft_wrap=True)
     for table in comparison_tables(comparison):
         print_table(table, STDOUT)
     if html is not None:

@@ -15,6 +15,7 @@ from rt_controller.report.table import NO_VALUE, Cell, Column, Row, Table, forma
 INTERVALS = (
     f"Second line: {100 * CONFIDENCE:g} % interval, bootstrap by episode, {RESAMPLES} resamples."
 )
+NO_INTERVALS = "Without intervals: they need several episodes."
 _FIRST = {"ey": "lateral position", "vx": "speed"}
 """states of the first sentence, in its words; of data without them the first two"""
 
@@ -62,7 +63,9 @@ def mse_table(comparison: Comparison, test: TestSet) -> Table:
     models = comparison.figures["sets"][test.name]["models"]
     counts = {n: each["trajectories_without_finite_prediction"] for n, each in models.items()}
     diverged = ", ".join(f"{name} on {count}" for name, count in counts.items() if count)
-    note = f"No finite prediction: {diverged} trajectories." if diverged else INTERVALS
+    note = INTERVALS if test.n_episodes > 1 else NO_INTERVALS
+    if diverged:
+        note = f"No finite prediction: {diverged} trajectories."
     return _table(
         f"MSE over {comparison.steps} steps of each model on {test.size}",
         ["model", *_squared(comparison)],

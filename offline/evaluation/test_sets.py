@@ -66,6 +66,8 @@ class TestSet:
     """(N,) of the road of each; None if the data have no roads, or each has its own"""
     data_sha256: str
     """hash of the data set that they are from"""
+    is_of_logs: bool = False
+    """recorded, not simulated"""
 
     @property
     def n_trajectories(self) -> int:
@@ -78,12 +80,14 @@ class TestSet:
     @property
     def count(self) -> str:
         """Number of trajectories and episodes, as text."""
-        return f"{self.n_trajectories} trajectories of {self.n_episodes} episodes"
+        episodes = "1 episode" if self.n_episodes == 1 else f"{self.n_episodes} episodes"
+        return f"{self.n_trajectories} trajectories of {episodes}"
 
     @property
     def size(self) -> str:
         """The same with the name."""
-        return f"{self.name}, {self.count}"
+        name = "the logs held back for the test" if self.is_of_logs else self.name
+        return f"{name}, {self.count}"
 
     @property
     def curvatures_per_m(self) -> tuple[float, ...]:
@@ -227,7 +231,8 @@ def cut_set(dataset: Dataset, name: str, description: str, starts: Starts) -> Te
     """The windows of these starts as a test set."""
     trajectories = cut(dataset.recording, starts, dataset.schema, dataset.roles)
     curvature_per_m = starts.anchor and starts.anchor.curvature_per_m
-    return TestSet(name, description, trajectories, curvature_per_m, dataset.sha256)
+    is_of_logs = isinstance(dataset.origin, Imported)
+    return TestSet(name, description, trajectories, curvature_per_m, dataset.sha256, is_of_logs)
 
 
 def describe_source(origin: Origin) -> str:
