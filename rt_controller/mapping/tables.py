@@ -11,20 +11,20 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import (
     AfterValidator,
-    BaseModel,
     BeforeValidator,
-    ConfigDict,
     Field,
     FiniteFloat,
     NonNegativeFloat,
     PositiveFloat,
     ValidationInfo,
+    create_model,
     model_validator,
 )
 
-from rt_controller.contract.car import RANGES, Car, car_of
+from rt_controller.contract.car import CAR_VALUES, REQUIRED, Car, car_of
 from rt_controller.mapping.quantity import Quantity, quantity_of_name
 from rt_controller.mapping.units import find_unit, near_units, si_unit_of_name
+from rt_controller.settings_table import Settings
 
 DATE, TIME_OF_DAY = TEXT_TIMES = ("iso8601", "hh:mm:ss")
 """times that are written as text"""
@@ -92,12 +92,6 @@ LONGEST_GAP_PERIODS = 3.5
 """longest gap in cycle times of the DBC or usual sampling periods: two lost samples are bridged"""
 
 
-class MappingTable(BaseModel):
-    """A table of the file; unknown fields are refused."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-
 class Sampling(StrEnum):
     """What a signal does between two samples of the log."""
 
@@ -109,7 +103,7 @@ class Sampling(StrEnum):
     """keeps the last value, as commands do; the data set has its mean over the following period"""
 
 
-class Clock(MappingTable):
+class Clock(Settings):
     """When the rows of a table were recorded. MDF files and CAN logs have time stamps already."""
 
     column: str | None = None
@@ -128,7 +122,7 @@ class Clock(MappingTable):
         return (self.column, *self.other_names) if self.column else ()
 
 
-class ColumnMapping(MappingTable):
+class ColumnMapping(Settings):
     """A column of the logs: SI value = sign * unit(factor * number + offset), `delay_s` earlier."""
 
     column: str
@@ -168,37 +162,16 @@ class SignalMapping(ColumnMapping):
     may_be_constant: bool = False
 
 
-def _within(name: str) -> Any:
-    low, high = RANGES[name]
-    return Field(ge=low, le=high, strict=True)
+_car_fields: dict[str, Any] = {
+    name: (float, Field(... if name in REQUIRED else default, ge=low, le=high, strict=True))
+    for name, (low, high, default, _) in CAR_VALUES.items()
+}
+_CarValues: Any = create_model("_CarValues", __base__=Settings, **_car_fields)
 
 
-class CarData(MappingTable):
-    """The car, as controller, gateway and checks have to know it; see `contract/car.py`."""
+class CarData(_CarValues):  # type: ignore[misc]
+    """The values of `contract/car.py`, and what the gateway estimates a lateral speed with."""
 
-    wheelbase_m: Annotated[float, _within("wheelbase_m")]
-    rear_axle_m: Annotated[float, _within("rear_axle_m")]
-    """centre of gravity to rear axle"""
-    steering_ratio: Annotated[float, _within("steering_ratio")]
-    """angle of the steering wheel over the angle of the front wheels"""
-    lock_rad: Annotated[float, _within("lock_rad")] | None = None
-    """largest angle of the steering wheel, default 40 deg; the faster the car, the less is used"""
-    largest_brake_n: Annotated[float, _within("largest_brake_n")] | None = None
-    """largest command of the brake"""
-    throttle_rate_per_s: Annotated[float, _within("throttle_rate_per_s")] | None = None
-    """largest change of each input in a second, which commands do not exceed"""
-    brake_rate_n_per_s: Annotated[float, _within("brake_rate_n_per_s")] | None = None
-    steer_rate_radps: Annotated[float, _within("steer_rate_radps")] | None = None
-    plan_lateral_mps2: Annotated[float, _within("plan_lateral_mps2")] | None = None
-    """lateral acceleration up to which a plan turns the wheel further than 40 deg"""
-    largest_lateral_mps2: Annotated[float, _within("largest_lateral_mps2")] | None = None
-    """that a command may ask for in steady state; the gateway refuses more"""
-    path_lateral_mps2: Annotated[float, _within("path_lateral_mps2")] | None = None
-    """that a path may need; a sharper one stops the car"""
-    throttle_mps2: Annotated[float, _within("throttle_mps2")] | None = None
-    """acceleration of the full throttle at low speed; default: as the model predicts"""
-    brake_mps2_per_n: Annotated[float, _within("brake_mps2_per_n")] | None = None
-    """deceleration per newton on the brake pedal; the forces of a stop follow from it"""
     thresholds: dict[str, Any] = Field(default_factory=dict)
     """of the plausibility checks, by quantity; others keep theirs"""
     rear_slip_s2_per_m: Annotated[float, Field(ge=1e-4, le=0.05)] | None = None
@@ -216,11 +189,10 @@ class CarData(MappingTable):
     @property
     def car(self) -> Car:
         """The same as model bundle and gateway carry it."""
-        found = self.model_dump(exclude={"rear_slip_s2_per_m", "yaw_inertia_m"})
-        return car_of(found)
+        return car_of(self.model_dump(include={*CAR_VALUES, "thresholds"}))
 
 
-class RoadsMapping(MappingTable):
+class RoadsMapping(Settings):
     """The roads that may be placed under a recording with poses."""
 
     curvatures_per_m: tuple[float, ...] = Field(
@@ -230,7 +202,7 @@ class RoadsMapping(MappingTable):
     epsi_deg: PositiveFloat = 10.0
 
 
-class PoseMapping(MappingTable):
+class PoseMapping(Settings):
     """Position and heading of the car, and the road to which the path states are relative."""
 
     x: ColumnMapping
@@ -246,7 +218,7 @@ class PoseMapping(MappingTable):
     roads: RoadsMapping = RoadsMapping()
 
 
-class CanSettings(MappingTable):
+class CanSettings(Settings):
     """How the CAN logs are decoded."""
 
     dbc: RelativePath
@@ -257,7 +229,7 @@ Value = SignalMapping | FiniteFloat
 """a signal of the bus, or a constant in SI"""
 
 
-class Checksum(MappingTable):
+class Checksum(Settings):
     """Checksum of a message; see `mapping.checksum`."""
 
     signal: str
@@ -298,7 +270,7 @@ class Checksum(MappingTable):
         return self
 
 
-class MessageMapping(MappingTable):
+class MessageMapping(Settings):
     """Protection and period of a message, and what else a message with commands contains."""
 
     period_s: PositiveFloat | None = None
@@ -319,7 +291,7 @@ class MessageMapping(MappingTable):
         return self
 
 
-class CommandsMapping(MappingTable):
+class CommandsMapping(Settings):
     """Signals of the car that receive the inputs of the controller."""
 
     throttle: ColumnMapping
@@ -328,7 +300,7 @@ class CommandsMapping(MappingTable):
     mode: ColumnMapping | None = None
 
 
-class ReferenceMapping(MappingTable):
+class ReferenceMapping(Settings):
     """The path relative to the reference line, and the speed: signals of the car or constants."""
 
     v_mps: Value
@@ -361,7 +333,7 @@ class SwitchMapping(SignalMapping):
         return self
 
 
-class MissionMapping(MappingTable):
+class MissionMapping(Settings):
     """Who starts and ends the drive."""
 
     engage: SwitchMapping | Literal[True]
@@ -370,7 +342,7 @@ class MissionMapping(MappingTable):
     """on while the car does not follow the commands: its own watchdog, or its driver"""
 
 
-class CarSignals(MappingTable):
+class CarSignals(Settings):
     """Tables of a mapping file that describe a car; those for logs only are in `offline.logs`."""
 
     states: dict[str, SignalMapping]

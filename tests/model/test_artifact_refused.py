@@ -42,7 +42,7 @@ CAR = SteeringGeometry(wheelbase_m=3.2, rear_axle_m=1.5, steering_ratio=16.0)
 
 
 def test_an_altered_or_missing_geometry_is_refused(bundle: Bundle, tmp_path: Path) -> None:
-    save_bundle(tmp_path, replace(bundle, car=Car(CAR)), "card")
+    save_bundle(tmp_path, replace(bundle, car=Car(*CAR)), "card")
     rewrite(tmp_path, wheelbase_m=np.float64(3.3))
     with pytest.raises(ArtifactError, match="SHA-256"):
         load_bundle(tmp_path)
@@ -52,7 +52,7 @@ def test_an_altered_or_missing_geometry_is_refused(bundle: Bundle, tmp_path: Pat
 
 
 def test_a_geometry_of_no_road_vehicle_is_refused(bundle: Bundle, tmp_path: Path) -> None:
-    other = replace(bundle, car=Car(CAR._replace(wheelbase_m=2910.0, steering_ratio=0.05)))
+    other = replace(bundle, car=Car(*CAR._replace(wheelbase_m=2910.0, steering_ratio=0.05)))
     with pytest.raises(ArtifactError, match=r"wheelbase_m: .* 2910.0; steering_ratio: .* 0.05"):
         save_bundle(tmp_path, other, "card")
 
