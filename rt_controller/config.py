@@ -53,19 +53,6 @@ class Tolerances(Settings):
     """change of the steering-wheel angle in one period"""
 
 
-PAPER = {"horizon": 20, "heading": "epsi", "terminal_factor": 1.0, "disturbance_gain": 0.015}
-PAPER_TOLERANCE = {
-    "vx_mps": 1.0,
-    "ey_m": 0.15,
-    "epsi_deg": 1.0,
-    "throttle_change": 0.3,
-    "brake_change_n": 45.0,
-    "steer_change_deg": 12.0,
-}
-"""settings of eq. (14) as printed; the defaults of linear models, whose predictions are too wrong
-for tighter ones"""
-
-
 class MpcSettings(Settings):
     """The optimal control problem."""
 
@@ -102,10 +89,29 @@ class MpcSettings(Settings):
         is_linear = bundle.gains is None
         if (self.preset or ("paper" if is_linear else "course")) != "paper":
             return self
-        chosen, tolerance = self.model_fields_set, self.tolerance
-        changed = {k: v for k, v in PAPER_TOLERANCE.items() if k not in tolerance.model_fields_set}
-        found = {name: value for name, value in PAPER.items() if name not in chosen}
-        return self.model_copy(update={**found, "tolerance": tolerance.model_copy(update=changed)})
+        paper = {
+            "horizon": 20,
+            "heading": "epsi",
+            "terminal_factor": 1.0,
+            "disturbance_gain": 0.015,
+        }
+        # Eq. (14) as printed; the predictions of linear models are too wrong for tighter ones.
+        tolerances = {
+            "vx_mps": 1.0,
+            "ey_m": 0.15,
+            "epsi_deg": 1.0,
+            "throttle_change": 0.3,
+            "brake_change_n": 45.0,
+            "steer_change_deg": 12.0,
+        }
+        tolerance = self.tolerance.model_dump(exclude_unset=True)
+        return self.model_copy(
+            update={
+                **paper,
+                **self.model_dump(exclude_unset=True),
+                "tolerance": Tolerances(**{**tolerances, **tolerance}),
+            }
+        )
 
     def cost(self) -> "TrackingCost":
         """The same in SI units, in vector order."""

@@ -22,6 +22,7 @@ from pydantic import (
 )
 
 from rt_controller.contract.car import CAR_VALUES, REQUIRED, Car, car_of
+from rt_controller.contract.signals import VEHICLE
 from rt_controller.mapping.quantity import Quantity, quantity_of_name
 from rt_controller.mapping.units import find_unit, near_units, si_unit_of_name
 from rt_controller.settings_table import Settings
@@ -80,12 +81,11 @@ CHECKSUM_LIMIT = (
     "checksums of 4 or 8 bits within one byte are known: CRC-8 (not reflected), sum and XOR over "
     "all other bits of the frame"
 )
-_OF_SUMS = ("identifier", "length", "complement")
 CHECKSUM_PARAMETERS = {
     "crc8": ("polynomial", "start", "final_xor", "data_id_first"),
     **dict.fromkeys(("crc8_0x1d", "crc8_0x2f"), ("data_id_first",)),
-    **dict.fromkeys(("xor8", "xor4"), _OF_SUMS[:2]),
-    **dict.fromkeys(("sum8", "sum4"), _OF_SUMS),
+    **dict.fromkeys(("xor8", "xor4"), ("identifier", "length")),
+    **dict.fromkeys(("sum8", "sum4"), ("identifier", "length", "complement")),
 }
 """by kind, beside those of all"""
 LONGEST_GAP_PERIODS = 3.5
@@ -383,12 +383,6 @@ class CarSignals(Settings):
         return mistakes
 
 
-CAR_STATES = ("vx_mps", "vy_mps", "yaw_rate_radps", "ey_m", "epsi_rad")
-"""states that a car may measure; progress is computed"""
-REQUIRED_STATES = ("vx_mps", "yaw_rate_radps")
-INPUTS = ("throttle", "brake_n", "steer_rad")
-
-
 class DrivingMapping(CarSignals):
     """A mapping file as the gateway reads it; tables for logs are not looked at."""
 
@@ -406,13 +400,15 @@ class DrivingMapping(CarSignals):
     @model_validator(mode="after")
     def _require_consistency(self) -> Self:
         mistakes = self.unit_mistakes()
-        missing = [name for name in REQUIRED_STATES if name not in self.states]
+        required, inputs = ("vx_mps", "yaw_rate_radps"), VEHICLE.input_names
+        states = tuple(name for name in VEHICLE.state_names if name != "ds_m")  # it is computed
+        missing = [name for name in required if name not in self.states]
         if missing:
             mistakes.append(
-                f"states: expected {', '.join(REQUIRED_STATES)}, found none for "
+                f"states: expected {', '.join(required)}, found none for "
                 f"{', '.join(missing)}. Map a signal of the car"
             )
-        for table, known in (("states", CAR_STATES), ("inputs", INPUTS)):
+        for table, known in (("states", states), ("inputs", inputs)):
             unknown = [name for name in getattr(self, table) if name not in known]
             if unknown:
                 mistakes.append(
@@ -420,9 +416,9 @@ class DrivingMapping(CarSignals):
                     f"{', '.join(unknown)}. The controller drives with these only; leave the "
                     f"others out, or keep them in a file for offline-import"
                 )
-        if self.inputs and len(self.inputs) < len(INPUTS):
+        if self.inputs and len(self.inputs) < len(inputs):
             mistakes.append(
-                f"inputs: expected all of {', '.join(INPUTS)} or none, found "
+                f"inputs: expected all of {', '.join(inputs)} or none, found "
                 f"{', '.join(self.inputs)}. Map the others, or leave the table out"
             )
         has_line = self.pose is not None and self.pose.reference_line is not None

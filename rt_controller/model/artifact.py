@@ -245,10 +245,8 @@ def _car(path: Path, found: Mapping[str, Any]) -> Car | None:
 
 def _check_hash(path: Path, expected: str, found: str, what: str) -> None:
     if found != expected:
-        raise ArtifactError(
-            f"{path}: expected the {what} of SHA-256 {expected:.16}…, found {found:.16}…: the two "
-            f"files are not of one export, or one was altered. Run offline-export again."
-        )
+        reason = "the two files are not of one export, or one was altered"
+        refuse(path, f"the {what} of SHA-256 {expected:.16}…", f"{found:.16}…: {reason}")
 
 
 def _unreadable(path: Path, what: str, error: OSError) -> ArtifactError:
@@ -266,10 +264,8 @@ def _read_fields(path: Path) -> dict[str, NDArray[Any]]:
     except OSError as error:
         raise _unreadable(path, "the matrices", error) from error
     except DamagedArchiveError as error:
-        raise ArtifactError(
-            f"{path}: expected an npz archive without pickles, found something else, or a "
-            f"truncated or altered file ({error}). Run offline-export again."
-        ) from error
+        found = f"something else, or a truncated or altered file ({error})"
+        refuse(path, "an npz archive without pickles", found)
     version = arrays["format_version"].tolist() if "format_version" in arrays else FORMAT_VERSION
     if version != FORMAT_VERSION:
         raise ArtifactError(
