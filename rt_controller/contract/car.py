@@ -19,6 +19,8 @@ from rt_controller.contract.names import hint
 from rt_controller.contract.quantities import Quantity
 from rt_controller.contract.signals import ControlInput
 
+_, _UPPER, _RATE = INPUT_LIMITS
+
 
 class CarValue(NamedTuple):
     """What a table [car] may say for one value."""
@@ -49,21 +51,11 @@ class Car:
     steering_ratio: float = _value(
         1.0, 100.0, DEFAULT_GEOMETRY.steering_ratio, "wheel angle over front wheel angle"
     )
-    lock_rad: float = _value(
-        0.1, 30.0, INPUT_LIMITS.upper.steer_rad, "largest angle of the steering wheel"
-    )
-    largest_brake_n: float = _limit(
-        10.0, INPUT_LIMITS.upper.brake_n, "largest command of the brake"
-    )
-    throttle_rate_per_s: float = _limit(
-        0.2, INPUT_LIMITS.rate_per_s.throttle, "largest change of the throttle in a second"
-    )
-    brake_rate_n_per_s: float = _limit(
-        50.0, INPUT_LIMITS.rate_per_s.brake_n, "largest change of the brake in a second"
-    )
-    steer_rate_radps: float = _limit(
-        0.3, INPUT_LIMITS.rate_per_s.steer_rad, "largest speed of the steering wheel"
-    )
+    lock_rad: float = _value(0.1, 30.0, _UPPER.steer_rad, "largest angle of the steering wheel")
+    largest_brake_n: float = _limit(10.0, _UPPER.brake_n, "largest command of the brake")
+    throttle_rate_per_s: float = _limit(0.2, _RATE.throttle, "largest change in a second")
+    brake_rate_n_per_s: float = _limit(50.0, _RATE.brake_n, "largest change in a second")
+    steer_rate_radps: float = _limit(0.3, _RATE.steer_rad, "largest speed of the steering wheel")
     plan_lateral_mps2: float = _limit(
         1.0, 7.0, "lateral acceleration up to which a plan turns the wheel further than 40 deg"
     )
@@ -92,7 +84,7 @@ class Car:
     def limits(self) -> InputLimits:
         """Bounds and rates of the inputs."""
         return INPUT_LIMITS._replace(
-            upper=INPUT_LIMITS.upper._replace(brake_n=self.largest_brake_n),
+            upper=_UPPER._replace(brake_n=self.largest_brake_n),
             rate_per_s=ControlInput(
                 self.throttle_rate_per_s, self.brake_rate_n_per_s, self.steer_rate_radps
             ),
@@ -124,8 +116,6 @@ CAR_VALUES: Mapping[str, CarValue] = {
     each.name: each.metadata["row"] for each in fields(Car) if each.metadata
 }
 """the table [car], without its thresholds"""
-REQUIRED = set(SteeringGeometry._fields) - SteeringGeometry._field_defaults.keys()
-"""values without which nothing is known of a car"""
 THRESHOLDS = dict.fromkeys((each.name.lower() for each in Quantity), CarValue(1e-6, 1e6))
 """of the plausibility checks"""
 

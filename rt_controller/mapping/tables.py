@@ -21,7 +21,8 @@ from pydantic import (
     model_validator,
 )
 
-from rt_controller.contract.car import CAR_VALUES, REQUIRED, Car, car_of
+from rt_controller.contract.car import CAR_VALUES, Car, car_of
+from rt_controller.contract.limits import SteeringGeometry
 from rt_controller.contract.signals import VEHICLE
 from rt_controller.mapping.quantity import Quantity, quantity_of_name
 from rt_controller.mapping.units import find_unit, near_units, si_unit_of_name
@@ -162,8 +163,9 @@ class SignalMapping(ColumnMapping):
     may_be_constant: bool = False
 
 
+_required = {*SteeringGeometry._fields} - SteeringGeometry._field_defaults.keys()
 _car_fields: dict[str, Any] = {
-    name: (float, Field(... if name in REQUIRED else default, ge=low, le=high, strict=True))
+    name: (float, Field(... if name in _required else default, ge=low, le=high, strict=True))
     for name, (low, high, default, _) in CAR_VALUES.items()
 }
 _CarValues: Any = create_model("_CarValues", __base__=Settings, **_car_fields)

@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rt_controller.contract.car import REQUIRED, Car, car_of
+from rt_controller.contract.car import Car, car_of
 from rt_controller.contract.errors import ArtifactError
 from rt_controller.contract.files import (
     DamagedArchiveError,
@@ -80,16 +80,13 @@ FIELDS = {
         ("float64", "T m", "plan_previous"),
         ("float64", "3 n", "movement_S"),
         ("float64", "3", "movement_s0"),
-        (
-            "float64",
-            "k",
-            "valid_speed_mps valid_lateral_mps2 valid_steer_rad valid_curvature_per_m",
-        ),
+        ("float64", "k", "valid_speed_mps valid_lateral_mps2"),
+        ("float64", "k", "valid_steer_rad valid_curvature_per_m"),
         ("float64", "d 2", "valid_conditions"),
     )
     for name in names.split()
 }
-"""type and shape of each field; a letter has one size in all of them"""
+"""type and shape of each field; a letter has one size in all, that of the first field with it"""
 _PARTS: Mapping[str, tuple[str, Any]] = {
     "gains": ("gains", Gains),
     "selftest": ("selftest", LiftSample),
@@ -130,18 +127,18 @@ def save_bundle(folder: Path, bundle: Bundle, card: str) -> None:
     _require_shapes(path, fields)
     require_fitting_parts(bundle, path)
     fields |= {
-        "format_version": np.asarray(FORMAT_VERSION),
-        "spectral_radius": np.asarray(bundle.spectral_radius),
-        "growth_20": np.asarray(bundle.growth(20)),
-        "growth_80": np.asarray(bundle.growth(80)),
-        "encoder_sha256": np.asarray(bundle.encoder_sha256),
-        "bundle_sha256": np.asarray(bundle.sha256),
+        "format_version": FORMAT_VERSION,
+        "spectral_radius": bundle.spectral_radius,
+        "growth_20": bundle.growth(20),
+        "growth_80": bundle.growth(80),
+        "encoder_sha256": bundle.encoder_sha256,
+        "bundle_sha256": bundle.sha256,
     }
     folder.mkdir(parents=True, exist_ok=True)
     with atomic_write(folder / ENCODER_FILE) as file:
         file.write(bundle.encoder_onnx)
     with atomic_write(path) as file:
-        np.savez_compressed(file, allow_pickle=False, **fields)
+        np.savez_compressed(file, **fields)
     with atomic_write(folder / CARD_FILE) as file:
         file.write(card.encode())
 
@@ -154,13 +151,12 @@ def load_bundle(folder: Path) -> Bundle:
             not fit each other.
     """
     path, encoder_path = folder / KOOPMAN_FILE, folder / ENCODER_FILE
-    fields = _read_fields(path)
+    found = _read_fields(path)
     try:
         with open_regular(encoder_path, LARGEST_FILE_BYTES) as file:
             encoder = file.read()
     except OSError as error:
         raise _unreadable(encoder_path, "the encoder", error) from error
-    found = {key: _content(field) for key, field in fields.items()}
     bundle = _bundle_of(path, found, encoder)
     require_fitting_parts(bundle, path)
     _check_hash(encoder_path, found["encoder_sha256"], bundle.encoder_sha256, "encoder")
@@ -168,8 +164,8 @@ def load_bundle(folder: Path) -> Bundle:
     return bundle
 
 
-def _fields_of(bundle: Bundle) -> dict[str, NDArray[Any]]:
-    """The fields of `koopman.npz` by name, without the hashes."""
+def _fields_of(bundle: Bundle) -> dict[str, Any]:
+    """The arrays of `koopman.npz` by name, without the hashes."""
     schema, lift, car = bundle.schema, bundle.lift, bundle.car
     values = {
         **{name: getattr(bundle, name) for name in _UNCHANGED},
@@ -256,8 +252,8 @@ def _unreadable(path: Path, what: str, error: OSError) -> ArtifactError:
     )
 
 
-def _read_fields(path: Path) -> dict[str, NDArray[Any]]:
-    """The fields of `koopman.npz` that are read, each of its kind and shape."""
+def _read_fields(path: Path) -> dict[str, Any]:
+    """The contents of the fields of `koopman.npz`: texts, numbers, tuples of texts, and arrays."""
     most_unpacked_bytes = 4 * LARGEST_FILE_BYTES  # a hundred times the shipped models
     try:
         arrays = read_arrays(path, LARGEST_FILE_BYTES, most_unpacked_bytes)
@@ -275,15 +271,14 @@ def _read_fields(path: Path) -> dict[str, NDArray[Any]]:
         )
     optional = {"car", "lock_rad", "signal_range"}
     parts = [{n for n in FIELDS if n.startswith(begin)} for begin in ("plan", "movement", "valid")]
-    for part in (REQUIRED, *parts):
+    for part in ({*SteeringGeometry._fields}, *parts):
         if part.isdisjoint(arrays):  # has all of its fields or none
             optional |= part
     for key in ("format_version", *FIELDS):
         if key not in arrays and key not in optional:
             refuse(path, f"a field {key!r}", sorted(arrays))
-    fields = {key: arrays[key] for key in FIELDS if key in arrays}
-    _require_shapes(path, fields)
-    return fields
+    _require_shapes(path, arrays)
+    return {key: _content(arrays[key]) for key in FIELDS if key in arrays}
 
 
 def _require_shapes(path: Path, fields: Mapping[str, NDArray[Any]]) -> None:

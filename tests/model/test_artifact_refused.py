@@ -46,9 +46,10 @@ def test_an_altered_or_missing_geometry_is_refused(bundle: Bundle, tmp_path: Pat
     rewrite(tmp_path, wheelbase_m=np.float64(3.3))
     with pytest.raises(ArtifactError, match="SHA-256"):
         load_bundle(tmp_path)
-    rewrite(tmp_path, wheelbase_m=None)
-    with pytest.raises(ArtifactError, match="wheelbase_m"):
-        load_bundle(tmp_path)
+    for missing in (("wheelbase_m",), ("rear_axle_m", "steering_ratio")):
+        rewrite(tmp_path, **dict.fromkeys(missing))
+        with pytest.raises(ArtifactError, match="wheelbase_m"):
+            load_bundle(tmp_path)
 
 
 def test_a_geometry_of_no_road_vehicle_is_refused(bundle: Bundle, tmp_path: Path) -> None:
