@@ -25,10 +25,7 @@ def rewrite(folder: Path, **changes: object) -> None:
 
 
 @pytest.mark.parametrize(
-    "key",
-    [
-        *("A", "B_uc", "B_uw", "c", "gains_N", "gains_S", "gains_s0", "signal_range"),
-    ],
+    "key", ["A", "B_uc", "B_uw", "c", "gains_N", "gains_S", "gains_s0", "signal_range"]
 )
 def test_an_altered_matrix_is_refused(folder: Path, key: str) -> None:
     with np.load(folder / "koopman.npz") as archive:
