@@ -3,11 +3,11 @@
 import os
 from math import radians
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import Field
 
-from rt_controller.contract.limits import LARGEST, SMALLEST
+from rt_controller.contract.car import CAR_VALUES
 from rt_controller.contract.signals import ControlInput, VehicleState
 from rt_controller.contract.timing import HOLD_PLAN_TICKS, PERIOD_MS
 from rt_controller.settings_table import Settings
@@ -53,19 +53,6 @@ class Tolerances(Settings):
     """change of the steering-wheel angle in one period"""
 
 
-PAPER = {"horizon": 20, "heading": "epsi", "terminal_factor": 1.0, "disturbance_gain": 0.015}
-PAPER_TOLERANCE = {
-    "vx_mps": 1.0,
-    "ey_m": 0.15,
-    "epsi_deg": 1.0,
-    "throttle_change": 0.3,
-    "brake_change_n": 45.0,
-    "steer_change_deg": 12.0,
-}
-"""settings of eq. (14) as printed; the defaults of linear models, whose predictions are too wrong
-for tighter ones"""
-
-
 class MpcSettings(Settings):
     """The optimal control problem."""
 
@@ -102,10 +89,29 @@ class MpcSettings(Settings):
         is_linear = bundle.gains is None
         if (self.preset or ("paper" if is_linear else "course")) != "paper":
             return self
-        chosen, tolerance = self.model_fields_set, self.tolerance
-        changed = {k: v for k, v in PAPER_TOLERANCE.items() if k not in tolerance.model_fields_set}
-        found = {name: value for name, value in PAPER.items() if name not in chosen}
-        return self.model_copy(update={**found, "tolerance": tolerance.model_copy(update=changed)})
+        paper = {
+            "horizon": 20,
+            "heading": "epsi",
+            "terminal_factor": 1.0,
+            "disturbance_gain": 0.015,
+        }
+        # Eq. (14) as printed; the predictions of linear models are too wrong for tighter ones.
+        tolerances = {
+            "vx_mps": 1.0,
+            "ey_m": 0.15,
+            "epsi_deg": 1.0,
+            "throttle_change": 0.3,
+            "brake_change_n": 45.0,
+            "steer_change_deg": 12.0,
+        }
+        tolerance = self.tolerance.model_dump(exclude_unset=True)
+        return self.model_copy(
+            update={
+                **paper,
+                **self.model_dump(exclude_unset=True),
+                "tolerance": Tolerances(**{**tolerances, **tolerance}),
+            }
+        )
 
     def cost(self) -> "TrackingCost":
         """The same in SI units, in vector order."""
@@ -125,10 +131,13 @@ class MpcSettings(Settings):
         )
 
 
-_Wheelbase = Annotated[float, Field(ge=SMALLEST.wheelbase_m, le=LARGEST.wheelbase_m)]
-_RearAxle = Annotated[float, Field(ge=SMALLEST.rear_axle_m, le=LARGEST.rear_axle_m)]
-_Lock = Annotated[float, Field(ge=SMALLEST.lock_rad, le=LARGEST.lock_rad)]
-_SteeringRatio = Annotated[float, Field(ge=SMALLEST.steering_ratio, le=LARGEST.steering_ratio)]
+def _of_car(name: str) -> Any:
+    """A value of the car that the model's car need not have."""
+    low, high, default, doc = CAR_VALUES[name]
+    of_model = "as the model predicts"
+    if default is not None:
+        of_model = f"that of the model's car, otherwise {default:.4g}"
+    return Field(None, ge=low, le=high, description=f"{doc}; none: {of_model}")
 
 
 class LowSpeedSettings(Settings):
@@ -136,18 +145,12 @@ class LowSpeedSettings(Settings):
 
     below_mps: Annotated[float, Field(ge=0.5, le=10.0)] = 8.0
     """the model stops driving below this speed, and drives again 1 m/s above it"""
-    wheelbase_m: _Wheelbase | None = None
-    """front axle to rear axle; none: that of the model's car, 2.910 if the model does not say"""
-    rear_axle_m: _RearAxle | None = None
-    """centre of gravity to rear axle; none: that of the model's car, otherwise 1.860"""
-    steering_ratio: _SteeringRatio | None = None
-    """wheel angle over front wheel angle; none: that of the model's car, otherwise 18.5"""
-    lock_rad: _Lock | None = None
-    """largest angle of the steering wheel; none: that of the model's car, otherwise 40 deg"""
-    throttle_mps2: Annotated[float, Field(ge=0.5, le=15.0)] | None = None
-    """acceleration of the full throttle at low speed; none: as the model predicts"""
-    brake_mps2_per_n: Annotated[float, Field(ge=0.005, le=0.5)] | None = None
-    """deceleration per newton on the brake pedal; none: as the model predicts"""
+    wheelbase_m: float | None = _of_car("wheelbase_m")
+    rear_axle_m: float | None = _of_car("rear_axle_m")
+    steering_ratio: float | None = _of_car("steering_ratio")
+    lock_rad: float | None = _of_car("lock_rad")
+    throttle_mps2: float | None = _of_car("throttle_mps2")
+    brake_mps2_per_n: float | None = _of_car("brake_mps2_per_n")
     hold_mps2: Annotated[float, Field(ge=0.5, le=8.0)] = 4.0
     """force of the brake at a standstill, as the deceleration that it would give: 4 holds the car
     on slopes up to 40 %"""

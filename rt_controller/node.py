@@ -1,6 +1,7 @@
 """The controller's end of a bus: what it receives with, decides with and sends with."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import partial
 from typing import NamedTuple
 
@@ -32,10 +33,6 @@ from rt_controller.safety.coast_model import LEAST_MODELLED_MPS, StoppingCar
 from rt_controller.safety.motion import MotionPrediction
 from rt_controller.safety.supervisor import Supervisor
 from rt_controller.step import ControlStep
-
-WARM_UP_STEPS = 20
-RESUME_ABOVE_MPS = 1.0
-"""hysteresis between the low-speed law and the model"""
 
 
 def build_mpc(bundle: Bundle, settings: MpcSettings, max_iterations: int | None = None) -> Mpc:
@@ -73,21 +70,18 @@ def choose_low_speed_car(bundle: Bundle, settings: LowSpeedSettings) -> LowSpeed
     Raises:
         ArtifactError: the model's encoder cannot be used.
     """
-    speeds = SpeedRange(settings.below_mps, settings.below_mps + RESUME_ABOVE_MPS)
+    hysteresis_mps = 1.0
+    speeds = SpeedRange(settings.below_mps, settings.below_mps + hysteresis_mps)
     car, found = bundle.car or UNNAMED_CAR, identify_gains(bundle, speeds.resume_mps)
     gains = PedalGains(
-        _first(settings.throttle_mps2, car.throttle_mps2, found.throttle_mps2),
-        _first(settings.brake_mps2_per_n, car.brake_mps2_per_n, found.brake_mps2_per_n),
+        settings.throttle_mps2 or car.throttle_mps2 or found.throttle_mps2,
+        settings.brake_mps2_per_n or car.brake_mps2_per_n or found.brake_mps2_per_n,
     )
-    chosen = {name: getattr(settings, name) for name in SteeringGeometry._fields}
-    set_ = {name: value for name, value in chosen.items() if value is not None}
-    car = car._replace(geometry=car.geometry._replace(**set_))
+    car = replace(
+        car, **settings.model_dump(include={*SteeringGeometry._fields}, exclude_none=True)
+    )
     hold_n = min(settings.hold_mps2 / gains.brake_mps2_per_n, car.limits.upper.brake_n)
     return LowSpeedCar(car, gains, speeds, hold_n, bundle.largest_steer_rad)
-
-
-def _first(*chosen: float | None) -> float:
-    return next(value for value in chosen if value is not None)
 
 
 def plan_at_constant_speed(mpc: Mpc) -> None:
@@ -98,7 +92,7 @@ def plan_at_constant_speed(mpc: Mpc) -> None:
     """
     state = AT_REST._replace(vx_mps=20.0, ds_m=20.0 * PERIOD_S)
     path = PathReference(0.0, 0.0, 0.0, 0.0, v_mps=20.0, a_mps2=0.0)
-    for _ in range(WARM_UP_STEPS):
+    for _ in range(20):
         status = mpc.plan(mpc.observe(state, NEUTRAL_INPUT), 0.0, path, NEUTRAL_INPUT)
     if status is not SolveStatus.SOLVED:
         raise ConfigError(

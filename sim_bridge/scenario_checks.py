@@ -5,11 +5,11 @@ from math import degrees
 import numpy as np
 
 from rt_controller.contract.arrays import Array
+from rt_controller.contract.car import DEFAULT_CAR
 from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.limits import (
     DEFAULT_GEOMETRY,
     PLAN_STEER_RAD,
-    PLAN_TURN_MPS2,
     UNDERSTEER_RAD_PER_MPS2,
     SteeringGeometry,
 )
@@ -135,7 +135,8 @@ def steering_note(
     drive = drive_nominally(scenario)
     wheel_rad = _steady_wheel_rad(drive, geometry)
     is_slow = drive.speed_mps < LOW_SPEED_MPS
-    by_speed = [geometry.largest_wheel_rad(v, PLAN_TURN_MPS2) for v in drive.speed_mps.tolist()]
+    lateral_mps2 = DEFAULT_CAR.plan_lateral_mps2
+    by_speed = [geometry.largest_wheel_rad(v, lateral_mps2) for v in drive.speed_mps.tolist()]
     limit_rad = np.where(is_slow, geometry.lock_rad, np.minimum(by_speed, most_plan_rad))
     edges = np.diff((wheel_rad > limit_rad).astype(int), prepend=0, append=0)
     firsts, lasts = np.flatnonzero(edges > 0), np.flatnonzero(edges < 0) - 1

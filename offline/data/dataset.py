@@ -78,7 +78,7 @@ class Dataset:
         geometry = self.manifest.geometry
         if geometry is None:
             return None
-        return car_of({**geometry._asdict(), **self.manifest.car})._replace(geometry=geometry)
+        return car_of({**geometry._asdict(), **self.manifest.car})
 
     @property
     def schema(self) -> Schema:
@@ -157,7 +157,7 @@ def save_dataset(
         rejected_episodes=rejected,
         versions={name: version(name) for name in ("rt-controller", "numpy")},
         origin=origin,
-        geometry=car and car.geometry,
+        geometry=car.geometry if car else None,
         conditions=conditions,
         car=car.own_values if car else {},
     )

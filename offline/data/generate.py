@@ -35,13 +35,9 @@ from offline.data.recording import Anchor, Recording, Starts
 from offline.data.signals import VEHICLE_ROLES, Array32
 from offline.data.variation import VARIED, Variation
 from rt_controller.contract.arrays import Array
-from rt_controller.contract.car import Car
+from rt_controller.contract.car import DEFAULT_CAR, Car
 from rt_controller.contract.errors import DatasetError
-from rt_controller.contract.limits import (
-    INPUT_LIMITS,
-    PLAN_TURN_MPS2,
-    SteeringGeometry,
-)
+from rt_controller.contract.limits import INPUT_LIMITS, SteeringGeometry
 from rt_controller.contract.signals import VEHICLE, InputColumn, StateColumn
 from rt_controller.contract.timing import PERIOD_S
 from sim_bridge.frenet import integrate_poses
@@ -218,7 +214,8 @@ def _try_episode(
 ) -> Episode | None:
     curvature_per_m = float(rng.choice(recipe.curvatures_per_m))
     first_speed_mps = float(rng.uniform(*recipe.first_speed_mps))
-    most_rad = steering_geometry().largest_wheel_rad(first_speed_mps, PLAN_TURN_MPS2)
+    lateral_mps2 = DEFAULT_CAR.plan_lateral_mps2
+    most_rad = steering_geometry().largest_wheel_rad(first_speed_mps, lateral_mps2)
     inputs = draw_inputs(rng, recipe, EPISODE_STEPS, min(most_rad, recipe.largest_steer_rad))
     first_errors = rng.uniform(-1.0, 1.0, (SLICES, 2)) * (FIRST_EY_M, FIRST_EPSI_RAD)
     car, roads, rows = conditions or (default_car(), None, None)
@@ -286,7 +283,7 @@ def make_dataset(
         roles=VEHICLE_ROLES,
         roads=Roads(recipe.curvatures_per_m, FIRST_EY_M, FIRST_EPSI_RAD),
         origin=origin,
-        car=Car(steering_geometry()),
+        car=Car(*steering_geometry()),
         conditions=() if made.recording.conditions is None else CONDITIONS,
         rejected=made.rejected,
     )

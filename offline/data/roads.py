@@ -12,7 +12,7 @@ from offline.config import STEPS, TRAJECTORY_S
 from offline.data.dataset import Dataset
 from offline.data.recording import Recording
 from rt_controller.contract.arrays import Array
-from rt_controller.contract.limits import PLAN_TURN_MPS2
+from rt_controller.contract.car import DEFAULT_CAR
 from rt_controller.contract.signals import MOTION, VEHICLE, StateColumn
 
 LARGEST_PER_M = 0.15
@@ -38,7 +38,7 @@ class RoadsNearCar:
         sums = self._total[rows + STEPS] - self._total[rows]
         speed, yaw_rate = np.maximum(sums[:, 0] / STEPS, _LEAST_SPEED_MPS), sums[:, 1] / STEPS
         spread = np.minimum(2.0 * SPREAD_M / (TRAJECTORY_S * speed) ** 2, LARGEST_SPREAD_PER_M)
-        most = np.minimum(LARGEST_PER_M, PLAN_TURN_MPS2 / speed**2)
+        most = np.minimum(LARGEST_PER_M, DEFAULT_CAR.plan_lateral_mps2 / speed**2)
         found: Array = np.clip(yaw_rate / speed + spread * normal, -most, most)
         return found
 

@@ -31,10 +31,10 @@ from rt_controller.mapping.tables import (
     CarSignals,
     Clock,
     ColumnMapping,
-    MappingTable,
     SignalMapping,
 )
 from rt_controller.mapping.toml_file import parse
+from rt_controller.settings_table import Settings
 
 
 class TimeMapping(Clock):
@@ -45,7 +45,7 @@ class TimeMapping(Clock):
     skip_first_s: NonNegativeFloat = 0.0
 
 
-class CsvSettings(MappingTable):
+class CsvSettings(Settings):
     """Format of the CSV files."""
 
     delimiter: Annotated[str, Field(min_length=1, max_length=1)] | None = None
@@ -56,7 +56,7 @@ class CsvSettings(MappingTable):
     encoding: str = "utf-8-sig"
 
 
-class SplitSettings(MappingTable):
+class SplitSettings(Settings):
     """Which drives are held back. Files with a pattern here come first, the rest is drawn."""
 
     by: Literal["episode", "file"] = "episode"
@@ -68,7 +68,7 @@ class SplitSettings(MappingTable):
     longest_episode_s: PositiveFloat | None = None
 
 
-class RolesSettings(MappingTable):
+class RolesSettings(Settings):
     """See `offline.data.signals.Roles`, and `LogMapping.resolve_roles` for what None stands for."""
 
     centred: tuple[str, ...] | None = None
@@ -76,7 +76,7 @@ class RolesSettings(MappingTable):
     past: tuple[str, ...] | None = None
 
 
-class ChecksSettings(MappingTable):
+class ChecksSettings(Settings):
     """Which checks only report, and what else there is to compare with."""
 
     accept_units: bool = False

@@ -5,18 +5,13 @@ limits, low-speed law, envelope and gateway read it.
 """
 
 from collections.abc import Iterator, Mapping
-from types import MappingProxyType
+from dataclasses import asdict, dataclass, field, fields
+from functools import cached_property
 from typing import Any, NamedTuple
 
 from rt_controller.contract.limits import (
     DEFAULT_GEOMETRY,
     INPUT_LIMITS,
-    LARGEST,
-    LARGEST_LATERAL_MPS2,
-    MOST_LATERAL_MPS2,
-    PLAN_TURN_MPS2,
-    SMALLEST,
-    UNNAMED_GEOMETRY,
     InputLimits,
     SteeringGeometry,
 )
@@ -24,57 +19,109 @@ from rt_controller.contract.names import hint
 from rt_controller.contract.quantities import Quantity
 from rt_controller.contract.signals import ControlInput
 
-DEFAULT_BRAKE_MPS2_PER_N = 0.05
-"""deceleration of the default car per newton on its pedal; the forces of a stop are given for it"""
-NO_THRESHOLDS: Mapping[str, float] = MappingProxyType({})
+_, _UPPER, _RATE = INPUT_LIMITS
 
 
-class Car(NamedTuple):
-    """What has to be known of a car; a value that is not given is that of the default car."""
+class CarValue(NamedTuple):
+    """What a table [car] may say for one value."""
 
-    geometry: SteeringGeometry = DEFAULT_GEOMETRY
-    limits: InputLimits = INPUT_LIMITS
-    """bounds and rates of the inputs, at most those that the models are trained with"""
-    plan_lateral_mps2: float = PLAN_TURN_MPS2
-    """lateral acceleration up to which a plan turns the wheel further than 40 deg"""
-    largest_lateral_mps2: float = LARGEST_LATERAL_MPS2
-    """that a command may ask for in steady state; the vehicle refuses more"""
-    path_lateral_mps2: float = MOST_LATERAL_MPS2
-    """that a path may need at its wanted speed"""
-    throttle_mps2: float | None = None
-    """acceleration of the full throttle at low speed; None: as the model predicts"""
-    brake_mps2_per_n: float | None = None
-    """deceleration per newton on the brake pedal; None: as the model predicts, and the forces of a
-    stop are those of the default car"""
-    thresholds: Mapping[str, float] = NO_THRESHOLDS
+    low: float
+    high: float
+    default: float | None = None
+    doc: str = ""
+
+
+def _value(low: float, high: float, default: float | None, doc: str) -> Any:
+    return field(default=default, metadata={"row": CarValue(low, high, default, doc)})
+
+
+def _limit(low: float, default: float, doc: str) -> Any:
+    """A value that ends at its default: the models are trained within it."""
+    return _value(low, default, default, doc)
+
+
+@dataclass(frozen=True)
+class Car:
+    """The values of the table [car]; one that is not given has its default."""
+
+    wheelbase_m: float = _value(0.5, 10.0, DEFAULT_GEOMETRY.wheelbase_m, "front axle to rear axle")
+    rear_axle_m: float = _value(
+        0.0, 10.0, DEFAULT_GEOMETRY.rear_axle_m, "centre of gravity to rear axle"
+    )
+    steering_ratio: float = _value(
+        1.0, 100.0, DEFAULT_GEOMETRY.steering_ratio, "wheel angle over front wheel angle"
+    )
+    lock_rad: float = _value(0.1, 30.0, _UPPER.steer_rad, "largest angle of the steering wheel")
+    largest_brake_n: float = _limit(10.0, _UPPER.brake_n, "largest command of the brake")
+    throttle_rate_per_s: float = _limit(0.2, _RATE.throttle, "largest change in a second")
+    brake_rate_n_per_s: float = _limit(50.0, _RATE.brake_n, "largest change in a second")
+    steer_rate_radps: float = _limit(0.3, _RATE.steer_rad, "largest speed of the steering wheel")
+    plan_lateral_mps2: float = _limit(
+        1.0, 7.0, "lateral acceleration up to which a plan turns the wheel further than 40 deg"
+    )
+    largest_lateral_mps2: float = _limit(
+        1.0, 7.5, "lateral acceleration of a command in steady state; the vehicle refuses more"
+    )
+    path_lateral_mps2: float = _limit(
+        1.0, 8.5, "lateral acceleration that a path may need: what a car can do on a dry road"
+    )
+    throttle_mps2: float | None = _value(
+        0.5, 15.0, None, "acceleration of the full throttle at low speed"
+    )
+    brake_mps2_per_n: float | None = _value(
+        0.005, 0.5, None, "deceleration per newton on the brake pedal"
+    )
+    thresholds: Mapping[str, float] = field(default_factory=dict)
     """of plausibility checks, by the lower-case name of their quantity; others keep theirs"""
+
+    @cached_property
+    def geometry(self) -> SteeringGeometry:
+        return SteeringGeometry(
+            self.wheelbase_m, self.rear_axle_m, self.steering_ratio, self.lock_rad
+        )
+
+    @cached_property
+    def limits(self) -> InputLimits:
+        """Bounds and rates of the inputs."""
+        return INPUT_LIMITS._replace(
+            upper=_UPPER._replace(brake_n=self.largest_brake_n),
+            rate_per_s=ControlInput(
+                self.throttle_rate_per_s, self.brake_rate_n_per_s, self.steer_rate_radps
+            ),
+        )
 
     @property
     def force_scale(self) -> float:
-        """Force on the brake pedal over that of the default car, for the same deceleration."""
-        gain = self.brake_mps2_per_n
-        return 1.0 if gain is None else DEFAULT_BRAKE_MPS2_PER_N / gain
+        """Force on the brake pedal over that of the default car, for the same deceleration.
+
+        The default car brakes by 0.05 m/s^2 per newton; the forces of a stop are given for it.
+        """
+        return 1.0 if self.brake_mps2_per_n is None else 0.05 / self.brake_mps2_per_n
 
     @property
     def own_values(self) -> dict[str, Any]:
-        """Of the table [car] without the geometry: the values that are not the default ones."""
-        usual = DEFAULT_CAR._values()
-        return {name: value for name, value in self._values().items() if value != usual[name]}
-
-    def _values(self) -> dict[str, Any]:
-        upper, rate = self.limits.upper, self.limits.rate_per_s
+        """The values, except those of the geometry, that are not the default ones."""
+        default = asdict(UNNAMED_CAR)
         return {
-            "largest_brake_n": upper.brake_n,
-            "throttle_rate_per_s": rate.throttle,
-            "brake_rate_n_per_s": rate.brake_n,
-            "steer_rate_radps": rate.steer_rad,
-            **{name: getattr(self, name) for name in Car._fields[2:-1]},
-            "thresholds": dict(self.thresholds),
+            name: value
+            for name, value in asdict(self).items()
+            if name not in SteeringGeometry._fields and value != default[name]
         }
 
 
+UNNAMED_CAR = Car()
+"""for models of an unnamed car: its lock is not known"""
+DEFAULT_CAR = Car(*DEFAULT_GEOMETRY)
+CAR_VALUES: Mapping[str, CarValue] = {
+    each.name: each.metadata["row"] for each in fields(Car) if each.metadata
+}
+"""the table [car], without its thresholds"""
+THRESHOLDS = dict.fromkeys((each.name.lower() for each in Quantity), CarValue(1e-6, 1e6))
+"""of the plausibility checks"""
+
+
 def car_of(table: Mapping[str, Any]) -> Car:
-    """The car of the values of a table [car], checked by `RANGES`; None and missing: the default.
+    """The car of the values of a table [car]; None and missing: the default.
 
     Raises:
         ValueError: values that are unknown, no numbers, or outside their range; all are named.
@@ -84,64 +131,22 @@ def car_of(table: Mapping[str, Any]) -> Car:
     if not isinstance(thresholds, Mapping):
         raise ValueError(f"thresholds: expected a table, found {thresholds!r:.40}")
     wrong = [
-        *_objections(found, RANGES),
-        *_objections(thresholds, dict.fromkeys(THRESHOLDS, THRESHOLD_RANGE), "thresholds."),
+        *_objections(found, CAR_VALUES),
+        *_objections(thresholds, THRESHOLDS, "thresholds."),
     ]
     if wrong:
         raise ValueError("; ".join(wrong))
-    upper, rate = INPUT_LIMITS.upper, INPUT_LIMITS.rate_per_s
-    geometry = {name: found[name] for name in SteeringGeometry._fields if name in found}
-    return Car(
-        UNNAMED_GEOMETRY._replace(**geometry),
-        InputLimits(
-            INPUT_LIMITS.lower,
-            upper._replace(brake_n=found.get("largest_brake_n", upper.brake_n)),
-            ControlInput(
-                found.get("throttle_rate_per_s", rate.throttle),
-                found.get("brake_rate_n_per_s", rate.brake_n),
-                found.get("steer_rate_radps", rate.steer_rad),
-            ),
-        ),
-        **{name: found[name] for name in Car._fields[2:-1] if name in found},
-        thresholds=MappingProxyType(dict(thresholds)),
-    )
+    return Car(**found, thresholds=dict(thresholds))
 
 
 def _objections(
-    values: Mapping[str, Any], ranges: Mapping[str, tuple[float, float]], place: str = ""
+    values: Mapping[str, Any], known: Mapping[str, CarValue], place: str = ""
 ) -> Iterator[str]:
     for name, value in values.items():
-        if name not in ranges:
-            yield f"{place}{name}: no such value{hint(name, ranges)}. Known: {', '.join(ranges)}"
-            continue
-        low, high = ranges[name]
-        if isinstance(value, bool) or not isinstance(value, int | float):
+        if name not in known:
+            yield f"{place}{name}: no such value{hint(name, known)}. Known: {', '.join(known)}"
+        elif isinstance(value, bool) or not isinstance(value, int | float):
             yield f"{place}{name}: expected a number, found {value!r:.40}"
-        elif not low <= value <= high:
+        elif not known[name].low <= value <= known[name].high:
+            low, high = known[name][:2]
             yield f"{place}{name}: expected {low:g} to {high:g}, found {value!r:.40}"
-
-
-DEFAULT_CAR = Car()
-UNNAMED_CAR = Car(UNNAMED_GEOMETRY)
-"""for models of an unnamed car: its lock is not known"""
-RANGES: Mapping[str, tuple[float, float]] = MappingProxyType(
-    {
-        **{
-            name: (low, high)
-            for name, low, high in zip(SteeringGeometry._fields, SMALLEST, LARGEST, strict=True)
-        },
-        "largest_brake_n": (10.0, INPUT_LIMITS.upper.brake_n),
-        "throttle_rate_per_s": (0.2, INPUT_LIMITS.rate_per_s.throttle),
-        "brake_rate_n_per_s": (50.0, INPUT_LIMITS.rate_per_s.brake_n),
-        "steer_rate_radps": (0.3, INPUT_LIMITS.rate_per_s.steer_rad),
-        "plan_lateral_mps2": (1.0, PLAN_TURN_MPS2),
-        "largest_lateral_mps2": (1.0, LARGEST_LATERAL_MPS2),
-        "path_lateral_mps2": (1.0, MOST_LATERAL_MPS2),
-        "throttle_mps2": (0.5, 15.0),
-        "brake_mps2_per_n": (0.005, 0.5),
-    }
-)
-"""of the values of [car]; limits end at those within which the models are trained"""
-THRESHOLDS = tuple(quantity.name.lower() for quantity in Quantity)
-"""names of the plausibility checks whose thresholds a car may set"""
-THRESHOLD_RANGE = (1e-6, 1e6)

@@ -37,16 +37,10 @@ LEAST_FRICTION, MOST_FRICTION = 0.05, 1.5
 PEDAL_CHANGE_S = 0.15
 """time to move the foot from one pedal to the other"""
 
-
-LARGEST_LATERAL_MPS2 = 7.5
-"""of a command, in steady state by the single-track model; the shipped scenarios need up to 6.7"""
-MOST_LATERAL_MPS2 = 8.5
-"""that a path may need at its wanted speed: what a car can do on a dry road"""
 GRIP_AHEAD_S, NEAR, FAR = 0.5, 0.2113, 0.7887
 """time ahead over which a path is compared with it, about the horizon of the controller, and the
 places in it. These are the Gauss points: there a fitted cubic has about the curvature of its path,
 at its ends up to 1.5 times as much"""
-_LEAST_BOUND_RAD = INPUT_LIMITS.upper.steer_rad
 
 
 class SteeringGeometry(NamedTuple):
@@ -82,22 +76,15 @@ class SteeringGeometry(NamedTuple):
         any angle it stays within `accepted_mps2`: of a fast car the bound is less than 40 deg.
         """
         per_rad_mps2 = max(self.steady_lateral_mps2(vx_mps, 1.0), 1e-6)
-        by_speed_rad = max(min(self.lock_rad, lateral_mps2 / per_rad_mps2), _LEAST_BOUND_RAD)
-        return min(by_speed_rad, accepted_mps2 / per_rad_mps2)
+        by_speed_rad = min(self.lock_rad, lateral_mps2 / per_rad_mps2)
+        least_rad = INPUT_LIMITS.upper.steer_rad
+        return min(max(by_speed_rad, least_rad), accepted_mps2 / per_rad_mps2)
 
-
-SMALLEST = SteeringGeometry(wheelbase_m=0.5, rear_axle_m=0.0, steering_ratio=1.0, lock_rad=0.1)
-LARGEST = SteeringGeometry(wheelbase_m=10.0, rear_axle_m=10.0, steering_ratio=100.0, lock_rad=30.0)
-"""limits of a road vehicle, 1:1 models included"""
 
 DEFAULT_GEOMETRY = SteeringGeometry(
     wheelbase_m=2.910, rear_axle_m=1.8604, steering_ratio=18.5, lock_rad=radians(540.0)
 )
 """of the default car (`sim_bridge/cars/c_class_150kw_awd.toml`)"""
-UNNAMED_GEOMETRY = DEFAULT_GEOMETRY._replace(lock_rad=INPUT_LIMITS.upper.steer_rad)
-"""for models of an unnamed car"""
-PLAN_TURN_MPS2 = 7.0
-"""lateral acceleration up to which a plan may use a larger angle than 40 deg"""
 PLAN_STEER_RAD = radians(300.0)
 """largest angle of a plan, and of training data"""
 UNDERSTEER_RAD_PER_MPS2 = radians(1.43) / GRAVITY_MPS2

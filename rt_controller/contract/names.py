@@ -6,7 +6,6 @@ from difflib import get_close_matches
 
 MODEL_FOLDER = "a folder that offline-export wrote"
 """what a model may be that is not a shipped one"""
-SHOWN_COLUMNS = 40
 _ROADS_OF_MAP = re.compile(r"(.*\.xodr)#(?!.*\.(?:toml|xodr)$)([^/\\]*)", re.I | re.S)
 
 
@@ -30,8 +29,8 @@ def columns_of(holder: str, wanted: str, available: Sequence[str]) -> str:
     lowered = {name.lower(): name for name in available}
     near = [lowered[name] for name in get_close_matches(wanted.lower(), lowered, n=3, cutoff=0.5)]
     similar = f"Did you mean {' or '.join(near)}? " if near else ""
-    more = ", …" * (len(available) > SHOWN_COLUMNS)
-    return f"{similar}The {holder} has: {', '.join(available[:SHOWN_COLUMNS])}{more}."
+    more = ", …" * (len(available) > 40)
+    return f"{similar}The {holder} has: {', '.join(available[:40])}{more}."
 
 
 def name_or(found: str, names: Collection[str], otherwise: str) -> str:

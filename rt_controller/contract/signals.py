@@ -152,12 +152,6 @@ class Mode(IntEnum):
         return self in (Mode.STANDBY, Mode.SAFE_STOP, Mode.STANDSTILL)
 
 
-STATE_UNITS = ("m/s", "m/s", "rad/s", "m", "m", "rad")
-INPUT_UNITS = ("1", "N", "rad")
-EXOGENOUS_FIELDS = ("curvature_per_m",)
-EXOGENOUS_UNITS = ("1/m",)
-
-
 class Signal(NamedTuple):
     """One column of numbers."""
 
@@ -188,11 +182,16 @@ class Schema:
     def exogenous_names(self) -> tuple[str, ...]:
         return tuple(signal.name for signal in self.exogenous)
 
+    @property
+    def units(self) -> dict[str, str]:
+        """Of all signals, by name."""
+        return dict((*self.states, *self.inputs, *self.exogenous))
+
 
 VEHICLE = Schema(
-    states=tuple(map(Signal, VehicleState._fields, STATE_UNITS)),
-    inputs=tuple(map(Signal, ControlInput._fields, INPUT_UNITS)),
-    exogenous=tuple(map(Signal, EXOGENOUS_FIELDS, EXOGENOUS_UNITS)),
+    states=tuple(map(Signal, VehicleState._fields, ("m/s", "m/s", "rad/s", "m", "m", "rad"))),
+    inputs=tuple(map(Signal, ControlInput._fields, ("1", "N", "rad"))),
+    exogenous=(Signal("curvature_per_m", "1/m"),),
     dt_s=PERIOD_S,
 )
 """of the car in the Frenet frame of its road"""

@@ -4,12 +4,12 @@ from math import atan, nan
 
 import numpy as np
 
-from rt_controller.contract.signals import EXOGENOUS_FIELDS, N_STATES, ControlInput, Mode
+from rt_controller.contract.signals import N_EXOGENOUS, N_STATES, ControlInput, Mode
 from rt_controller.contract.timing import PERIOD_S
 from rt_controller.drive.table import COLUMNS, REFERENCE, Drive, TrackingErrors
 from rt_controller.safety.tick import Tick
 
-_NO_STATE = (nan,) * (N_STATES + len(EXOGENOUS_FIELDS))
+_NO_STATE = (nan,) * (N_STATES + N_EXOGENOUS)
 _NO_PATH = (nan,) * len(REFERENCE)
 
 

@@ -20,8 +20,6 @@ from rt_controller.contract.files import read_text
 from rt_controller.mapping.tables import PoseMapping
 
 LEAST_POINTS, NODE_SPACING_M, NEWTON_STEPS = 8, 0.25, 3
-DEGREE = 5
-"""of the spline: its curvature has three continuous derivatives"""
 
 
 class LinePose(NamedTuple):
@@ -174,9 +172,9 @@ def make_line(points: Array, is_closed: bool, smoothing_m: float, path: Path) ->
     chord_m = _arc_length(points)
     if is_closed:
         points[:, -1] = points[:, 0]
-    spline, _ = splprep(
-        points, u=chord_m, s=points.shape[1] * smoothing_m**2, per=int(is_closed), k=DEGREE
-    )
+    smoothing = points.shape[1] * smoothing_m**2
+    # Of degree 5: its curvature has three continuous derivatives.
+    spline, _ = splprep(points, u=chord_m, s=smoothing, per=int(is_closed), k=5)
     count = max(int(chord_m[-1] / NODE_SPACING_M), 2 * LEAST_POINTS)
     parameter = np.linspace(0.0, chord_m[-1], count + 1)
     nodes = np.asarray(splev(parameter, spline))

@@ -25,17 +25,8 @@ STEP_S, SHORT, MIDDLE, LONG = 0.05, 12, 20, 40
 LONGEST_GAP_S, LONGEST_LOG_S = 0.5, 4.0 * 3600.0
 """shorter gaps are interpolated; of a longer log, or one whose clock was set, the end counts"""
 LEAST_WINDOWS, LEAST_SPEED_MPS, LEAST_CORRELATION = 20, 3.0, 0.8
-LARGEST_DELAY = 6
-"""steps between expected and found"""
-UNEXPECTED = 3.0
-"""times the least motion: a change that is not expected and no noise"""
 JUMP, JUMP_RAD, JUMP_M = 10.0, 0.2, 0.5
 """a step beyond 10 times the 90th percentile and beyond these is no motion, but another lane"""
-STEADY_HEADING = 0.3
-"""largest change of e_psi per turn of the car on a road that it follows"""
-REAR_SLIP_S2_PER_M = 0.005
-"""side-slip angle of the rear axle per lateral acceleration, of the default car"""
-LARGEST_LATERAL_MPS2 = 15.0
 NOT_COMPARED, CONTRADICTED, HOLDS = "not compared: ", "yes", "no"
 HELP = (
     "A wrong column, unit, factor or sign of one signal contradicts in every relation that it is "
@@ -152,10 +143,11 @@ def _compare(relation: Relation, signals: Signals) -> Comparison:
     """Compare with the delay of the largest correlation."""
     expected, found = relation.windows(signals)
     best, agreement, factor, n_windows = -1.0, 0.0, 0.0, 0
-    for delay in range(-LARGEST_DELAY, LARGEST_DELAY + 1):
+    for delay in range(-6, 7):
         n = max(len(expected) - abs(delay), 0)
         x, y = expected[max(-delay, 0) :][:n], found[max(delay, 0) :][:n]
-        moving = np.maximum(np.abs(x), np.abs(y) / UNEXPECTED) > relation.least  # NaN: False
+        # Three times the least motion are a change that is not expected and no noise.
+        moving = np.maximum(np.abs(x), np.abs(y) / 3.0) > relation.least  # NaN: False
         x, y = x[moving], y[moving]
         xx, yy, xy = float(x @ x), float(y @ y), float(x @ y)
         correlation = abs(xy) / max((xx * yy) ** 0.5, 1e-12)
@@ -178,7 +170,7 @@ def _compare(relation: Relation, signals: Signals) -> Comparison:
 
 def _lateral(s: Signals) -> tuple[Array, Array]:
     lateral = s[VX] * s[YAW_RATE]
-    return lateral, np.clip(lateral, -LARGEST_LATERAL_MPS2, LARGEST_LATERAL_MPS2)
+    return lateral, np.clip(lateral, -15.0, 15.0)
 
 
 def _turn_of_pose(s: Signals) -> tuple[Array, Array]:
@@ -203,8 +195,8 @@ def _moved(s: Signals) -> tuple[Array, Array]:
 
 def _curvature(s: Signals) -> tuple[Array, Array]:
     turned, road = integrals(s[YAW_RATE], LONG), integrals(s[CURVATURE] * s[VX], LONG)
-    steady = STEADY_HEADING * np.maximum(np.abs(turned), np.abs(road))
-    is_steady = np.abs(changes(s[HEADING], LONG, JUMP_RAD)) < steady
+    most_rad = 0.3 * np.maximum(np.abs(turned), np.abs(road))  # of a car that follows the road
+    is_steady = np.abs(changes(s[HEADING], LONG, JUMP_RAD)) < most_rad
     return np.where(is_steady, turned, np.nan), road
 
 
@@ -214,8 +206,9 @@ def _heading(s: Signals) -> tuple[Array, Array]:
 
 
 def _offset(s: Signals) -> tuple[Array, Array]:
-    """Without v_y: that of the default car in a steady turn."""
-    steady = (DEFAULT_GEOMETRY.rear_axle_m - REAR_SLIP_S2_PER_M * s[VX] ** 2) * s[YAW_RATE]
+    """Without v_y: that of the default car in a steady turn, with the slip of its rear axle."""
+    rear_slip_s2_per_m = 0.005
+    steady = (DEFAULT_GEOMETRY.rear_axle_m - rear_slip_s2_per_m * s[VX] ** 2) * s[YAW_RATE]
     course = centred(s[HEADING] + s.get(VY, steady) / s[VX])
     return integrals(s[VX] * course, MIDDLE), centred(changes(s[OFFSET], MIDDLE, JUMP_M))
 

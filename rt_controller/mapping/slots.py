@@ -9,12 +9,7 @@ from rt_controller.mapping.quantity import Quantity, quantity_of_name
 from rt_controller.mapping.tables import ColumnMapping, DrivingMapping, SignalMapping, SwitchMapping
 from rt_controller.mapping.units import find_unit, near_units, si_unit_of_name
 
-_UNITS = {
-    **{each.name: each.unit for each in (*VEHICLE.states, *VEHICLE.inputs, *VEHICLE.exogenous)},
-    "x": "m",
-    "y": "m",
-    "yaw": "rad",
-}
+_UNITS = {**VEHICLE.units, "x": "m", "y": "m", "yaw": "rad"}
 
 
 class Slot(NamedTuple):

@@ -11,20 +11,22 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import (
     AfterValidator,
-    BaseModel,
     BeforeValidator,
-    ConfigDict,
     Field,
     FiniteFloat,
     NonNegativeFloat,
     PositiveFloat,
     ValidationInfo,
+    create_model,
     model_validator,
 )
 
-from rt_controller.contract.car import RANGES, Car, car_of
+from rt_controller.contract.car import CAR_VALUES, Car, car_of
+from rt_controller.contract.limits import SteeringGeometry
+from rt_controller.contract.signals import VEHICLE
 from rt_controller.mapping.quantity import Quantity, quantity_of_name
 from rt_controller.mapping.units import find_unit, near_units, si_unit_of_name
+from rt_controller.settings_table import Settings
 
 DATE, TIME_OF_DAY = TEXT_TIMES = ("iso8601", "hh:mm:ss")
 """times that are written as text"""
@@ -80,22 +82,15 @@ CHECKSUM_LIMIT = (
     "checksums of 4 or 8 bits within one byte are known: CRC-8 (not reflected), sum and XOR over "
     "all other bits of the frame"
 )
-_OF_SUMS = ("identifier", "length", "complement")
 CHECKSUM_PARAMETERS = {
     "crc8": ("polynomial", "start", "final_xor", "data_id_first"),
     **dict.fromkeys(("crc8_0x1d", "crc8_0x2f"), ("data_id_first",)),
-    **dict.fromkeys(("xor8", "xor4"), _OF_SUMS[:2]),
-    **dict.fromkeys(("sum8", "sum4"), _OF_SUMS),
+    **dict.fromkeys(("xor8", "xor4"), ("identifier", "length")),
+    **dict.fromkeys(("sum8", "sum4"), ("identifier", "length", "complement")),
 }
 """by kind, beside those of all"""
 LONGEST_GAP_PERIODS = 3.5
 """longest gap in cycle times of the DBC or usual sampling periods: two lost samples are bridged"""
-
-
-class MappingTable(BaseModel):
-    """A table of the file; unknown fields are refused."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
 
 class Sampling(StrEnum):
@@ -109,7 +104,7 @@ class Sampling(StrEnum):
     """keeps the last value, as commands do; the data set has its mean over the following period"""
 
 
-class Clock(MappingTable):
+class Clock(Settings):
     """When the rows of a table were recorded. MDF files and CAN logs have time stamps already."""
 
     column: str | None = None
@@ -128,7 +123,7 @@ class Clock(MappingTable):
         return (self.column, *self.other_names) if self.column else ()
 
 
-class ColumnMapping(MappingTable):
+class ColumnMapping(Settings):
     """A column of the logs: SI value = sign * unit(factor * number + offset), `delay_s` earlier."""
 
     column: str
@@ -168,37 +163,17 @@ class SignalMapping(ColumnMapping):
     may_be_constant: bool = False
 
 
-def _within(name: str) -> Any:
-    low, high = RANGES[name]
-    return Field(ge=low, le=high, strict=True)
+_required = {*SteeringGeometry._fields} - SteeringGeometry._field_defaults.keys()
+_car_fields: dict[str, Any] = {
+    name: (float, Field(... if name in _required else default, ge=low, le=high, strict=True))
+    for name, (low, high, default, _) in CAR_VALUES.items()
+}
+_CarValues: Any = create_model("_CarValues", __base__=Settings, **_car_fields)
 
 
-class CarData(MappingTable):
-    """The car, as controller, gateway and checks have to know it; see `contract/car.py`."""
+class CarData(_CarValues):  # type: ignore[misc]
+    """The values of `contract/car.py`, and what the gateway estimates a lateral speed with."""
 
-    wheelbase_m: Annotated[float, _within("wheelbase_m")]
-    rear_axle_m: Annotated[float, _within("rear_axle_m")]
-    """centre of gravity to rear axle"""
-    steering_ratio: Annotated[float, _within("steering_ratio")]
-    """angle of the steering wheel over the angle of the front wheels"""
-    lock_rad: Annotated[float, _within("lock_rad")] | None = None
-    """largest angle of the steering wheel, default 40 deg; the faster the car, the less is used"""
-    largest_brake_n: Annotated[float, _within("largest_brake_n")] | None = None
-    """largest command of the brake"""
-    throttle_rate_per_s: Annotated[float, _within("throttle_rate_per_s")] | None = None
-    """largest change of each input in a second, which commands do not exceed"""
-    brake_rate_n_per_s: Annotated[float, _within("brake_rate_n_per_s")] | None = None
-    steer_rate_radps: Annotated[float, _within("steer_rate_radps")] | None = None
-    plan_lateral_mps2: Annotated[float, _within("plan_lateral_mps2")] | None = None
-    """lateral acceleration up to which a plan turns the wheel further than 40 deg"""
-    largest_lateral_mps2: Annotated[float, _within("largest_lateral_mps2")] | None = None
-    """that a command may ask for in steady state; the gateway refuses more"""
-    path_lateral_mps2: Annotated[float, _within("path_lateral_mps2")] | None = None
-    """that a path may need; a sharper one stops the car"""
-    throttle_mps2: Annotated[float, _within("throttle_mps2")] | None = None
-    """acceleration of the full throttle at low speed; default: as the model predicts"""
-    brake_mps2_per_n: Annotated[float, _within("brake_mps2_per_n")] | None = None
-    """deceleration per newton on the brake pedal; the forces of a stop follow from it"""
     thresholds: dict[str, Any] = Field(default_factory=dict)
     """of the plausibility checks, by quantity; others keep theirs"""
     rear_slip_s2_per_m: Annotated[float, Field(ge=1e-4, le=0.05)] | None = None
@@ -216,11 +191,10 @@ class CarData(MappingTable):
     @property
     def car(self) -> Car:
         """The same as model bundle and gateway carry it."""
-        found = self.model_dump(exclude={"rear_slip_s2_per_m", "yaw_inertia_m"})
-        return car_of(found)
+        return car_of(self.model_dump(include={*CAR_VALUES, "thresholds"}))
 
 
-class RoadsMapping(MappingTable):
+class RoadsMapping(Settings):
     """The roads that may be placed under a recording with poses."""
 
     curvatures_per_m: tuple[float, ...] = Field(
@@ -230,7 +204,7 @@ class RoadsMapping(MappingTable):
     epsi_deg: PositiveFloat = 10.0
 
 
-class PoseMapping(MappingTable):
+class PoseMapping(Settings):
     """Position and heading of the car, and the road to which the path states are relative."""
 
     x: ColumnMapping
@@ -246,7 +220,7 @@ class PoseMapping(MappingTable):
     roads: RoadsMapping = RoadsMapping()
 
 
-class CanSettings(MappingTable):
+class CanSettings(Settings):
     """How the CAN logs are decoded."""
 
     dbc: RelativePath
@@ -257,7 +231,7 @@ Value = SignalMapping | FiniteFloat
 """a signal of the bus, or a constant in SI"""
 
 
-class Checksum(MappingTable):
+class Checksum(Settings):
     """Checksum of a message; see `mapping.checksum`."""
 
     signal: str
@@ -298,7 +272,7 @@ class Checksum(MappingTable):
         return self
 
 
-class MessageMapping(MappingTable):
+class MessageMapping(Settings):
     """Protection and period of a message, and what else a message with commands contains."""
 
     period_s: PositiveFloat | None = None
@@ -319,7 +293,7 @@ class MessageMapping(MappingTable):
         return self
 
 
-class CommandsMapping(MappingTable):
+class CommandsMapping(Settings):
     """Signals of the car that receive the inputs of the controller."""
 
     throttle: ColumnMapping
@@ -328,7 +302,7 @@ class CommandsMapping(MappingTable):
     mode: ColumnMapping | None = None
 
 
-class ReferenceMapping(MappingTable):
+class ReferenceMapping(Settings):
     """The path relative to the reference line, and the speed: signals of the car or constants."""
 
     v_mps: Value
@@ -361,7 +335,7 @@ class SwitchMapping(SignalMapping):
         return self
 
 
-class MissionMapping(MappingTable):
+class MissionMapping(Settings):
     """Who starts and ends the drive."""
 
     engage: SwitchMapping | Literal[True]
@@ -370,7 +344,7 @@ class MissionMapping(MappingTable):
     """on while the car does not follow the commands: its own watchdog, or its driver"""
 
 
-class CarSignals(MappingTable):
+class CarSignals(Settings):
     """Tables of a mapping file that describe a car; those for logs only are in `offline.logs`."""
 
     states: dict[str, SignalMapping]
@@ -411,12 +385,6 @@ class CarSignals(MappingTable):
         return mistakes
 
 
-CAR_STATES = ("vx_mps", "vy_mps", "yaw_rate_radps", "ey_m", "epsi_rad")
-"""states that a car may measure; progress is computed"""
-REQUIRED_STATES = ("vx_mps", "yaw_rate_radps")
-INPUTS = ("throttle", "brake_n", "steer_rad")
-
-
 class DrivingMapping(CarSignals):
     """A mapping file as the gateway reads it; tables for logs are not looked at."""
 
@@ -434,13 +402,15 @@ class DrivingMapping(CarSignals):
     @model_validator(mode="after")
     def _require_consistency(self) -> Self:
         mistakes = self.unit_mistakes()
-        missing = [name for name in REQUIRED_STATES if name not in self.states]
+        required, inputs = ("vx_mps", "yaw_rate_radps"), VEHICLE.input_names
+        states = tuple(name for name in VEHICLE.state_names if name != "ds_m")  # it is computed
+        missing = [name for name in required if name not in self.states]
         if missing:
             mistakes.append(
-                f"states: expected {', '.join(REQUIRED_STATES)}, found none for "
+                f"states: expected {', '.join(required)}, found none for "
                 f"{', '.join(missing)}. Map a signal of the car"
             )
-        for table, known in (("states", CAR_STATES), ("inputs", INPUTS)):
+        for table, known in (("states", states), ("inputs", inputs)):
             unknown = [name for name in getattr(self, table) if name not in known]
             if unknown:
                 mistakes.append(
@@ -448,9 +418,9 @@ class DrivingMapping(CarSignals):
                     f"{', '.join(unknown)}. The controller drives with these only; leave the "
                     f"others out, or keep them in a file for offline-import"
                 )
-        if self.inputs and len(self.inputs) < len(INPUTS):
+        if self.inputs and len(self.inputs) < len(inputs):
             mistakes.append(
-                f"inputs: expected all of {', '.join(INPUTS)} or none, found "
+                f"inputs: expected all of {', '.join(inputs)} or none, found "
                 f"{', '.join(self.inputs)}. Map the others, or leave the table out"
             )
         has_line = self.pose is not None and self.pose.reference_line is not None

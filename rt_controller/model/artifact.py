@@ -13,6 +13,7 @@ Paper: eqs. (6)-(8) and (14).
 """
 
 import json
+from collections.abc import Mapping
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -36,7 +37,7 @@ from rt_controller.model.dynamics import Gains, no_gains
 from rt_controller.model.follow import Follow
 from rt_controller.model.lift import Lift, LiftSample
 from rt_controller.model.path_kinematics import Movement
-from rt_controller.model.validation import check_field, require_fitting_parts
+from rt_controller.model.validation import refuse, require_fitting_parts
 from rt_controller.model.validity import Validity
 
 SHIPPED_MODEL = "mdk-net"
@@ -44,63 +45,60 @@ SHIPPED_MODEL = "mdk-net"
 
 FORMAT_VERSION = 5
 LARGEST_FILE_BYTES = 64_000_000
-LARGEST_UNPACKED_BYTES = 256_000_000
-"""a hundred times the shipped models"""
 ENCODER_FILE = "encoder.onnx"
 KOOPMAN_FILE = "koopman.npz"
 CARD_FILE = "card.md"
 
-UNCHANGED = ("name", "A", "B_uc", "B_uw", "c", "selftest_psi", "training", "data_sha256")
-"""fields of `koopman.npz` that are attributes of `Bundle` of the same name"""
-SIGNALS = {"state": "states", "input": "inputs", "exogenous": "exogenous"}
-"""beginning of the fields that describe signals, and the attribute of `Schema`"""
-
-
-def _table(text: str) -> dict[str, tuple[str, int]]:
-    """Kind of numpy type (U, i, f) and number of dimensions of each field in lines of text."""
-    rows = (line.split() for line in text.strip().splitlines())
-    return {name: (kind[0], int(kind[1])) for kind, *names in rows for name in names}
-
-
-FIELDS = _table("""
-    U0 name training data_sha256 encoder_sha256 bundle_sha256 gains_follows
-    U1 state_fields input_fields exogenous_fields state_units input_units exogenous_units
-    U1 lift_inputs history_fields
-    i0 history_steps
-    i1 gains_factor gains_shape
-    f0 dt_s
-    f1 c gains_s0
-    f2 A B_uc B_uw gains_N gains_S selftest_x selftest_w selftest_psi
-    f3 selftest_history
-""")
-"""each field that is read"""
-OPTIONAL = {
-    **dict.fromkeys(SteeringGeometry._fields, ("f", 0)),
-    "car": ("U", 0),
-    "signal_range": ("f", 2),
-}
-"""fields that a bundle need not have"""
-GROUPS = tuple(
-    map(
-        _table,
-        (
-            """
-            f1 plan_curvature_per_m
-            f2 plan_state plan_path plan_previous
-            f3 plan_inputs
-            """,
-            """
-            f1 movement_s0
-            f2 movement_S
-            """,
-            """
-            f1 valid_speed_mps valid_lateral_mps2 valid_steer_rad valid_curvature_per_m
-            f2 valid_conditions
-            """,
-        ),
+FIELDS = {
+    name: (kind, shape.split())
+    for kind, shape, names in (
+        ("text", "", "name training data_sha256 encoder_sha256 bundle_sha256 gains_follows car"),
+        ("text", "x", "state_fields state_units"),
+        ("text", "m", "input_fields input_units"),
+        ("text", "p", "exogenous_fields exogenous_units"),
+        ("text", "i", "lift_inputs"),
+        ("text", "h", "history_fields"),
+        ("int64", "", "history_steps"),
+        ("float64", "", "dt_s wheelbase_m rear_axle_m steering_ratio lock_rad"),
+        ("float64", "n n", "A"),
+        ("float64", "n m", "B_uc"),
+        ("float64", "n p", "B_uw"),
+        ("float64", "n", "c"),
+        ("float64", "2 m+p", "signal_range"),
+        ("float64", "q", "gains_s0"),
+        ("float64", "n q", "gains_N"),
+        ("float64", "q n", "gains_S"),
+        ("int64", "q", "gains_factor gains_shape"),
+        ("float64", "b x", "selftest_x"),
+        ("float64", "b p", "selftest_w"),
+        ("float64", "b H h", "selftest_history"),
+        ("float64", "b n", "selftest_psi"),
+        ("float64", "T N m", "plan_inputs"),
+        ("float64", "T x", "plan_state"),
+        ("float64", "T", "plan_curvature_per_m"),
+        ("float64", "T 6", "plan_path"),
+        ("float64", "T m", "plan_previous"),
+        ("float64", "3 n", "movement_S"),
+        ("float64", "3", "movement_s0"),
+        ("float64", "k", "valid_speed_mps valid_lateral_mps2"),
+        ("float64", "k", "valid_steer_rad valid_curvature_per_m"),
+        ("float64", "d 2", "valid_conditions"),
     )
-)
-"""fields of which a bundle has all or none"""
+    for name in names.split()
+}
+"""type and shape of each field; a letter has one size in all, that of the first field with it"""
+_PARTS: Mapping[str, tuple[str, Any]] = {
+    "gains": ("gains", Gains),
+    "selftest": ("selftest", LiftSample),
+    "plan": ("plans", PlanSample),
+    "movement": ("movement", Movement),
+    "valid": ("validity", Validity),
+}
+"""by the beginning of their fields: attribute of `Bundle`, and its type with the other names"""
+_UNCHANGED = ("name", "A", "B_uc", "B_uw", "c", "selftest_psi", "training", "data_sha256")
+"""fields that are attributes of `Bundle` of the same name"""
+_SIGNALS = {"state": "states", "input": "inputs", "exogenous": "exogenous"}
+"""beginning of the fields that describe signals, and the attribute of `Schema`"""
 
 
 def shipped_model(name: str = SHIPPED_MODEL) -> Path:
@@ -125,12 +123,22 @@ def find_model(model: str | Path | None) -> Path:
 
 def save_bundle(folder: Path, bundle: Bundle, card: str) -> None:
     """Write the three files, if the parts of the bundle fit each other; each atomically."""
-    require_fitting_parts(bundle, folder / KOOPMAN_FILE)
+    path, fields = folder / KOOPMAN_FILE, _fields_of(bundle)
+    _require_shapes(path, fields)
+    require_fitting_parts(bundle, path)
+    fields |= {
+        "format_version": FORMAT_VERSION,
+        "spectral_radius": bundle.spectral_radius,
+        "growth_20": bundle.growth(20),
+        "growth_80": bundle.growth(80),
+        "encoder_sha256": bundle.encoder_sha256,
+        "bundle_sha256": bundle.sha256,
+    }
     folder.mkdir(parents=True, exist_ok=True)
     with atomic_write(folder / ENCODER_FILE) as file:
         file.write(bundle.encoder_onnx)
-    with atomic_write(folder / KOOPMAN_FILE) as file:
-        np.savez_compressed(file, **_fields_of(bundle))
+    with atomic_write(path) as file:
+        np.savez_compressed(file, **fields)
     with atomic_write(folder / CARD_FILE) as file:
         file.write(card.encode())
 
@@ -149,26 +157,7 @@ def load_bundle(folder: Path) -> Bundle:
             encoder = file.read()
     except OSError as error:
         raise _unreadable(encoder_path, "the encoder", error) from error
-    lift = Lift("w" in found["lift_inputs"], found["history_steps"], found["history_fields"])
-    check_field(path, "lift_inputs", lift.inputs, found["lift_inputs"])
-    states, inputs, exogenous = (_signals(path, found, kind) for kind in SIGNALS)
-    if found["gains_follows"] not in list(Follow):
-        check_field(path, "gains_follows", " or ".join(Follow), found["gains_follows"])
-    gains = _part(Gains, "gains", found)
-    gains = gains._replace(follows=Follow(gains.follows))
-    bundle = Bundle(
-        schema=Schema(states, inputs, exogenous, found["dt_s"]),
-        gains=gains if any(map(np.size, gains[:-1])) else None,
-        movement=_part(Movement, "movement", found) if "movement_S" in found else None,
-        lift=lift,
-        car=_car(path, found),
-        plans=_part(PlanSample, "plan", found) if "plan_state" in found else None,
-        signal_range=found.get("signal_range"),
-        validity=_part(Validity, "valid", found) if "valid_speed_mps" in found else None,
-        encoder_onnx=encoder,
-        selftest=_part(LiftSample, "selftest", found),
-        **{name: found[name] for name in UNCHANGED},
-    )
+    bundle = _bundle_of(path, found, encoder)
     require_fitting_parts(bundle, path)
     _check_hash(encoder_path, found["encoder_sha256"], bundle.encoder_sha256, "encoder")
     _check_hash(path, found["bundle_sha256"], bundle.sha256, "model")
@@ -176,74 +165,84 @@ def load_bundle(folder: Path) -> Bundle:
 
 
 def _fields_of(bundle: Bundle) -> dict[str, Any]:
-    """The fields of `koopman.npz` by name, as numpy takes them."""
-    parts = {
-        "gains": bundle.gains or no_gains(bundle.n_observables),
-        "selftest": bundle.selftest,
-        "plan": bundle.plans,
-        "movement": bundle.movement,
-        "valid": bundle.validity,
+    """The arrays of `koopman.npz` by name, without the hashes."""
+    schema, lift, car = bundle.schema, bundle.lift, bundle.car
+    values = {
+        **{name: getattr(bundle, name) for name in _UNCHANGED},
+        "dt_s": schema.dt_s,
+        "lift_inputs": lift.inputs,
+        "history_steps": lift.history_steps,
+        "history_fields": lift.history_fields,
     }
-    signals = {kind: getattr(bundle.schema, name) for kind, name in SIGNALS.items()}
-    texts = {
-        **{f"{kind}_fields": [signal.name for signal in each] for kind, each in signals.items()},
-        **{f"{kind}_units": [signal.unit for signal in each] for kind, each in signals.items()},
-        "lift_inputs": bundle.lift.inputs,
-        "history_fields": bundle.lift.history_fields,
-    }
+    for kind, attribute in _SIGNALS.items():
+        signals = getattr(schema, attribute)
+        values[f"{kind}_fields"] = [signal.name for signal in signals]
+        values[f"{kind}_units"] = [signal.unit for signal in signals]
+    parts = {prefix: getattr(bundle, attribute) for prefix, (attribute, _) in _PARTS.items()}
+    parts["gains"] = bundle.gains or no_gains(bundle.n_observables)
+    for prefix, part in parts.items():
+        if part is not None:
+            values |= {f"{prefix}_{name}": value for name, value in part._asdict().items()}
+    if car is not None:
+        values |= {**car.geometry._asdict(), "car": json.dumps(car.own_values)}
+    if bundle.signal_range is not None:
+        values["signal_range"] = bundle.signal_range
     return {
-        "format_version": FORMAT_VERSION,
-        **{name: getattr(bundle, name) for name in UNCHANGED},
-        **{name: np.array(listed, dtype=np.str_) for name, listed in texts.items()},
-        "dt_s": bundle.schema.dt_s,
-        "history_steps": bundle.lift.history_steps,
-        **{
-            f"{kind}_{name}": value
-            for kind, part in parts.items()
-            if part is not None
-            for name, value in part._asdict().items()
-        },
-        "spectral_radius": bundle.spectral_radius,
-        "growth_20": bundle.growth(20),
-        "growth_80": bundle.growth(80),
-        "encoder_sha256": bundle.encoder_sha256,
-        "bundle_sha256": bundle.sha256,
-        **({} if bundle.car is None else bundle.car.geometry._asdict()),
-        **({} if bundle.car is None else {"car": json.dumps(bundle.car.own_values)}),
-        **({} if bundle.signal_range is None else {"signal_range": bundle.signal_range}),
+        name: np.asarray(value, dtype=np.str_ if FIELDS[name][0] == "text" else None)
+        for name, value in values.items()
     }
 
 
-def _signals(path: Path, found: dict[str, Any], kind: str) -> tuple[Signal, ...]:
-    names, units = found[f"{kind}_fields"], found[f"{kind}_units"]
-    check_field(path, f"number of {kind}_units", len(names), len(units))
-    return tuple(map(Signal, names, units))
+def _bundle_of(path: Path, found: dict[str, Any], encoder_onnx: bytes) -> Bundle:
+    """The bundle of the contents of the fields; the inverse of `_fields_of`."""
+    lift = Lift("w" in found["lift_inputs"], found["history_steps"], found["history_fields"])
+    if lift.inputs != found["lift_inputs"]:
+        refuse(path, f"lift_inputs = {lift.inputs}", found["lift_inputs"])
+    states, inputs, exogenous = (
+        tuple(map(Signal, found[f"{kind}_fields"], found[f"{kind}_units"])) for kind in _SIGNALS
+    )
+    if found["gains_follows"] not in list(Follow):
+        refuse(path, f"gains_follows = {' or '.join(Follow)}", found["gains_follows"])
+    found["gains_follows"] = Follow(found["gains_follows"])
+    parts = {
+        attribute: kind(*(found[f"{prefix}_{name}"] for name in kind._fields))
+        for prefix, (attribute, kind) in _PARTS.items()
+        if f"{prefix}_{kind._fields[0]}" in found
+    }
+    if not found["gains_s0"].size:
+        del parts["gains"]
+    return Bundle(
+        schema=Schema(states, inputs, exogenous, found["dt_s"]),
+        lift=lift,
+        car=_car(path, found),
+        signal_range=found.get("signal_range"),
+        encoder_onnx=encoder_onnx,
+        **parts,
+        **{name: found[name] for name in _UNCHANGED},
+    )
 
 
-def _part(kind: Any, name: str, found: dict[str, Any]) -> Any:
-    """The NamedTuple `kind` of the fields that begin with `name`."""
-    return kind(*(found[f"{name}_{field}"] for field in kind._fields))
+def _content(field: NDArray[Any]) -> Any:
+    """A text, a number, a tuple of texts, or an array in C order."""
+    if field.ndim == 0:
+        return field.item()
+    return tuple(field.tolist()) if field.dtype.kind == "U" else np.asarray(field, order="C")
 
 
-def _car(path: Path, found: dict[str, Any]) -> Car | None:
-    present = [name for name in SteeringGeometry._fields if name in found]
-    if not present:
+def _car(path: Path, found: Mapping[str, Any]) -> Car | None:
+    geometry = {name: found[name] for name in SteeringGeometry._fields if name in found}
+    if not geometry:
         return None
-    needed = tuple(name for name in SteeringGeometry._fields if name != "lock_rad")
-    check_field(path, "fields of the car", needed, tuple(n for n in present if n != "lock_rad"))
     try:
-        own = json.loads(found.get("car", "{}"))
-        return car_of({**{name: found[name] for name in present}, **own})
-    except (ValueError, AttributeError, TypeError) as error:
+        return car_of({**geometry, **json.loads(found.get("car", "{}"))})
+    except (ValueError, TypeError) as error:
         raise ArtifactError(f"{path}: {error}. Run offline-export again.") from error
 
 
 def _check_hash(path: Path, expected: str, found: str, what: str) -> None:
     if found != expected:
-        raise ArtifactError(
-            f"{path}: expected the {what} of SHA-256 {expected:.16}…, found {found:.16}…: the two "
-            f"files are not of one export, or one was altered. Run offline-export again."
-        )
+        reason = "the two files are not of one export, or one was altered"
+        refuse(path, f"the {what} of SHA-256 {expected:.16}…", f"{found:.16}…: {reason}")
 
 
 def _unreadable(path: Path, what: str, error: OSError) -> ArtifactError:
@@ -254,16 +253,15 @@ def _unreadable(path: Path, what: str, error: OSError) -> ArtifactError:
 
 
 def _read_fields(path: Path) -> dict[str, Any]:
-    """The fields of `koopman.npz` as the texts, numbers, tuples and arrays that `FIELDS` lists."""
+    """The contents of the fields of `koopman.npz`: texts, numbers, tuples of texts, and arrays."""
+    most_unpacked_bytes = 4 * LARGEST_FILE_BYTES  # a hundred times the shipped models
     try:
-        arrays = read_arrays(path, LARGEST_FILE_BYTES, LARGEST_UNPACKED_BYTES)
+        arrays = read_arrays(path, LARGEST_FILE_BYTES, most_unpacked_bytes)
     except OSError as error:
         raise _unreadable(path, "the matrices", error) from error
     except DamagedArchiveError as error:
-        raise ArtifactError(
-            f"{path}: expected an npz archive without pickles, found something else, or a "
-            f"truncated or altered file ({error}). Run offline-export again."
-        ) from error
+        found = f"something else, or a truncated or altered file ({error})"
+        refuse(path, "an npz archive without pickles", found)
     version = arrays["format_version"].tolist() if "format_version" in arrays else FORMAT_VERSION
     if version != FORMAT_VERSION:
         raise ArtifactError(
@@ -271,39 +269,35 @@ def _read_fields(path: Path) -> dict[str, Any]:
             f"offline-export RUN again with this version; for a newer bundle install a newer "
             f"rt-controller."
         )
-    required = dict(FIELDS)
-    for group in GROUPS:
-        if not arrays.keys().isdisjoint(group):
-            required |= group
-    for key in ("format_version", *required):
-        if key not in arrays:
-            raise ArtifactError(
-                f"{path}: expected a field {key!r}, found {sorted(arrays)}. "
-                f"Run offline-export again."
-            )
-    present = required | {key: kind for key, kind in OPTIONAL.items() if key in arrays}
-    return {key: _checked(path, key, arrays[key], *kind) for key, kind in present.items()}
+    optional = {"car", "lock_rad", "signal_range"}
+    parts = [{n for n in FIELDS if n.startswith(begin)} for begin in ("plan", "movement", "valid")]
+    for part in ({*SteeringGeometry._fields}, *parts):
+        if part.isdisjoint(arrays):  # has all of its fields or none
+            optional |= part
+    for key in ("format_version", *FIELDS):
+        if key not in arrays and key not in optional:
+            refuse(path, f"a field {key!r}", sorted(arrays))
+    _require_shapes(path, arrays)
+    return {key: _content(arrays[key]) for key in FIELDS if key in arrays}
 
 
-def _checked(path: Path, key: str, found: NDArray[Any], kind: str, dimensions: int) -> Any:
-    """The content of one field; numbers have eight bytes and are finite, arrays in C order."""
-    is_wide = kind == "U" or found.dtype in (np.float64, np.int64)
-    if found.dtype.kind != kind or found.ndim != dimensions or not is_wide:
-        expected = {
-            ("U", 0): "one text",
-            ("U", 1): "a list of texts",
-            ("i", 0): "one whole number",
-            ("i", 1): "a list of whole numbers",
-        }.get((kind, dimensions), f"float64 numbers in {dimensions} dimensions")
-        raise ArtifactError(
-            f"{path}: expected {expected} in {key}, found {found.dtype} of shape {found.shape}. "
-            f"Run offline-export again."
+def _require_shapes(path: Path, fields: Mapping[str, NDArray[Any]]) -> None:
+    """Return if type and shape of each field are those of `FIELDS`, and its numbers finite."""
+    sizes = {"2": 2, "3": 3, "6": 6}
+    for key, (kind, shape) in FIELDS.items():
+        if key not in fields:
+            continue
+        found, is_text = fields[key], kind == "text"
+        is_right = found.dtype.kind == "U" if is_text else found.dtype == kind
+        if not is_right or found.ndim != len(shape):
+            expected = f"{kind} in {len(shape)} dimensions in {key}"
+            refuse(path, expected, f"{found.dtype} of shape {found.shape}")
+        if not is_text and not np.isfinite(found).all():
+            count = np.count_nonzero(~np.isfinite(found))
+            refuse(path, f"finite numbers in {key}", f"{count} that are not")
+        fitting = tuple(
+            sum(sizes.setdefault(letter, size) for letter in letters.split("+"))
+            for letters, size in zip(shape, found.shape, strict=True)
         )
-    if kind == "f" and not np.all(np.isfinite(found)):
-        raise ArtifactError(
-            f"{path}: expected finite numbers in {key}, found "
-            f"{np.count_nonzero(~np.isfinite(found))} that are not. Run offline-export again."
-        )
-    if dimensions == 0:
-        return found.item()
-    return tuple(found.tolist()) if kind == "U" else np.asarray(found, order="C")
+        if found.shape != fitting:
+            refuse(path, f"shape of {key} = {fitting}", found.shape)

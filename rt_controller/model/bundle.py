@@ -43,10 +43,6 @@ class PlanSample(NamedTuple):
     """(T, N, m), the plan"""
 
 
-SMALLEST_SPREAD = 1e-6
-"""of an observable, relative to its size: with less, float32 cannot tell it from a constant"""
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Bundle:
     """A lifted model in physical units, with the encoder that lifts into it.
@@ -137,14 +133,14 @@ class Bundle:
 
         n_x, m, p = len(schema.states), len(schema.inputs), len(schema.exogenous)
         offset = np.zeros(n_x) if offset is None else offset
-        shapes = {"A": (n_x, n_x), "B_uc": (n_x, m), "B_uw": (n_x, p), "offset": (n_x,)}
-        found = [np.asarray(matrix) for matrix in (A, B_uc, B_uw, offset)]
-        for (key, shape), matrix in zip(shapes.items(), found, strict=True):
-            if matrix.shape != shape:
-                raise ArtifactError(f"{key}: expected the shape {shape}, found {matrix.shape}.")
-            if not (np.isrealobj(matrix) and np.isfinite(matrix.astype(np.float64)).all()):
+        given = {"A": A, "B_uc": B_uc, "B_uw": B_uw, "offset": offset}
+        shapes = ((n_x, n_x), (n_x, m), (n_x, p), (n_x,))
+        for (key, matrix), shape in zip(given.items(), shapes, strict=True):
+            if np.shape(matrix) != shape:
+                raise ArtifactError(f"{key}: expected the shape {shape}, found {np.shape(matrix)}.")
+            if not (np.isrealobj(matrix) and np.isfinite(np.asarray(matrix, np.float64)).all()):
                 raise ArtifactError(f"{key}: expected finite real numbers, found others.")
-        A, B_uc, B_uw, c = (matrix.astype(np.float64) for matrix in found)
+        A, B_uc, B_uw, c = (np.array(matrix, np.float64) for matrix in given.values())
         x = np.vstack([np.zeros(n_x), np.ones(n_x)])
         bundle = cls(
             name=name,
@@ -243,7 +239,8 @@ class Bundle:
         """
         spread = self.selftest_psi.std(axis=0)
         size = np.abs(self.selftest_psi).max(axis=0)
-        return np.where(spread > SMALLEST_SPREAD * size, spread, np.where(size > 0.0, size, 1.0))
+        least = 1e-6 * size  # with less, float32 cannot tell an observable from a constant
+        return np.where(spread > least, spread, np.where(size > 0.0, size, 1.0))
 
     def growth(self, steps: int) -> float:
         """||A^steps||_2: largest growth of an error after `steps`, in units of `spread`."""

@@ -72,29 +72,28 @@ IR_VERSION = 10
 
 def identity_encoder(states: int) -> bytes:
     """An ONNX model that returns its input "x" (batch, states) float32 as "psi"."""
-    node = _field(1, b"x") + _field(2, b"psi") + _field(4, b"Identity")
-    graph = _field(1, node) + _field(2, b"lift")
-    graph += _field(11, _tensor(b"x", states)) + _field(12, _tensor(b"psi", states))
-    opset = _field(1, b"") + _field(2, OPSET)
-    return _field(1, IR_VERSION) + _field(7, graph) + _field(8, opset)
+
+    def tensor(name: bytes) -> bytes:
+        """A ValueInfoProto of float32 numbers (1)."""
+        shape = message((1, message((2, b"batch"))), (1, message((1, states))))
+        return message((1, name), (2, message((1, message((1, 1), (2, shape))))))
+
+    node = message((1, b"x"), (2, b"psi"), (4, b"Identity"))
+    graph = message((1, node), (2, b"lift"), (11, tensor(b"x")), (12, tensor(b"psi")))
+    return message((1, IR_VERSION), (7, graph), (8, message((1, b""), (2, OPSET))))
 
 
-def _tensor(name: bytes, columns: int) -> bytes:
-    """A ValueInfoProto of float32 numbers (1) of shape ("batch", columns)."""
-    shape = _field(1, _field(2, b"batch")) + _field(1, _field(1, columns))
-    return _field(1, name) + _field(2, _field(1, _field(1, 1) + _field(2, shape)))
-
-
-def _field(number: int, content: bytes | int) -> bytes:
-    """A field of a protobuf message."""
-    if isinstance(content, int):
-        return _varint(number << 3) + _varint(content)
-    return _varint(number << 3 | 2) + _varint(len(content)) + content
+def message(*fields: tuple[int, int | bytes]) -> bytes:
+    """A protobuf message of numbered fields: whole numbers, and contents with their length."""
+    return b"".join(
+        _varint(number << 3) + _varint(content)
+        if isinstance(content, int)
+        else _varint(number << 3 | 2) + _varint(len(content)) + content
+        for number, content in fields
+    )
 
 
 def _varint(number: int) -> bytes:
-    encoded = bytearray()
-    while number >= 0x80:
-        encoded.append(number & 0x7F | 0x80)
-        number >>= 7
-    return bytes([*encoded, number])
+    if number < 0x80:
+        return bytes([number])
+    return bytes([number & 0x7F | 0x80]) + _varint(number >> 7)

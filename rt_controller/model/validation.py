@@ -1,7 +1,8 @@
 """Checks of a bundle: its parts fit each other, and the controller can drive with it."""
 
+from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import NoReturn
 
 import numpy as np
 
@@ -11,136 +12,97 @@ from rt_controller.contract.signals import PATH_STATES, VEHICLE
 from rt_controller.model.bundle import Bundle
 from rt_controller.model.dynamics import Shape, no_gains
 from rt_controller.model.follow import Follow
+from rt_controller.model.path_kinematics import Movement
 from rt_controller.model.validity import CONDITIONS
 
 DRIVABLE_HISTORY = ("vx_mps", "vy_mps", "yaw_rate_radps", "throttle", "brake_n", "steer_rad")
 """the history that the controller keeps: motion and inputs of the car, not its place on the road"""
-LONGEST_NAME = 100
-MOST_INSTANTS = 1000
-"""of a self-test, which is repeated at every start; export stores 32"""
+
+
+def refuse(path: Path | str, expected: object, found: object) -> NoReturn:
+    """Refuse a bundle that is read or written at `path`."""
+    raise ArtifactError(
+        f"{path}: expected {expected}, found {found!s:.200}. Run offline-export again, of the "
+        f"same version as this controller."
+    )
 
 
 def require_fitting_parts(bundle: Bundle, path: Path | str) -> None:
-    """Return if signals, lift, matrices and self-test of a bundle fit each other.
+    """Return if signals, lift, gains and validity of a bundle, whose shapes fit, fit each other.
 
     Raises:
         ArtifactError: they do not; `path` names the file that is read or written.
     """
     schema, lift, n = bundle.schema, bundle.lift, bundle.n_observables
-    n_x, m, p = len(schema.states), len(schema.inputs), len(schema.exogenous)
-    b = bundle.selftest.x.shape[0]
     known = schema.state_names + schema.input_names
     names = known + schema.exogenous_names
-
-    def refuse_unless(is_right: object, expected: str, found: object) -> None:
-        if not is_right:
-            raise ArtifactError(
-                f"{path}: expected {expected}, found {found!s:.200}. Run offline-export again."
-            )
-
-    refuse_unless(
-        schema.states and len(set(names)) == len(names) and schema.dt_s > 0.0,
-        "at least one state, different names for all signals, and a positive dt_s",
-        f"{names} and {schema.dt_s}",
-    )
-    refuse_unless(
-        lift.history_fields == tuple(name for name in known if name in lift.history_fields),
-        f"history_fields out of {known}, in this order",
-        lift.history_fields,
-    )
-    wanted: list[tuple[str, Any, tuple[int, ...]]] = [
-        ("A", bundle.A, (n, n)),
-        ("B_uc", bundle.B_uc, (n, m)),
-        ("B_uw", bundle.B_uw, (n, p)),
-        ("c", bundle.c, (n,)),
-        ("selftest_psi", bundle.selftest_psi, (b, n)),
-        ("signal_range", bundle.signal_range, (2, m + p)),
-    ]
-    gains = bundle.gains or no_gains(n)
-    q = len(gains.s0)
-    validity = bundle.validity
-    knots, known_conditions = (validity.speed_mps, validity.conditions) if validity else ((), ())
-    k = len(knots)
-    T, N = bundle.plans.inputs.shape[:2] if bundle.plans else (0, 0)
-    parts: tuple[tuple[str, Any, tuple[tuple[Any, ...], ...]], ...] = (
-        (
-            "selftest",
-            bundle.selftest,
-            ((b, n_x), (b, p), (b, lift.history_steps, len(lift.history_fields))),
-        ),
-        ("gains", gains, ((n, q), (q, n), (q,), (q,), (q,))),
-        ("plan", bundle.plans, ((T, n_x), (T,), (T, 6), (T, m), (T, N, m))),
-        ("movement", bundle.movement, ((3, n), (3,))),
-        ("valid", validity, ((k,), (k,), (k,), (k,), (len(known_conditions), 2))),
-    )
-    for kind, part, shapes in parts:
-        if part is not None:
-            fields = zip(part._fields, part, shapes, strict=False)
-            wanted += [(f"{kind}_{name}", array, shape) for name, array, shape in fields]
-    for key, array, shape in wanted:
-        if array is not None:
-            check_field(path, f"shape of {key}", shape, array.shape)
-    refuse_unless(
-        np.isin(gains.factor, range(m + p + 1)).all(),
-        f"columns 0 to {m + p} of [u; w; 1] in gains_factor",
-        gains.factor,
-    )
-    refuse_unless(
-        np.isin(gains.shape, list(Shape)).all() and np.all(np.diff(gains.shape) >= 0),
-        f"numbers 0 to {max(Shape)} in ascending order in gains_shape",
-        gains.shape,
-    )
-    refuse_unless(
-        np.all(gains.factor[gains.shape == Shape.SATURATION] == m + p),
-        f"{m + p} in gains_factor where gains_shape is {Shape.SATURATION}",
-        gains.factor,
-    )
+    if not schema.states or len(set(names)) < len(names) or not schema.dt_s > 0.0:
+        expected = "at least one state, different names for all signals, and a positive dt_s"
+        refuse(path, expected, f"{names} and {schema.dt_s}")
+    if lift.history_fields != tuple(name for name in known if name in lift.history_fields):
+        refuse(path, f"history_fields out of {known}, in this order", lift.history_fields)
+    b, steps, _ = bundle.selftest.history.shape
+    if lift.history_steps != steps:
+        refuse(path, f"history_steps = {steps}", lift.history_steps)
+    most_instants = 1000  # of a self-test, which is repeated at every start; export stores 32
+    if n < len(schema.states) or not 1 <= b <= most_instants:
+        states, found = len(schema.states), f"{n} and {b}"
+        refuse(
+            path,
+            f"at least {states} observables and 1 to {most_instants} self-test instants",
+            found,
+        )
+    if not (bundle.name.isprintable() and 0 < len(bundle.name) <= 100):
+        refuse(path, "a name of 1 to 100 printable characters", f"{bundle.name!r:.60}")
+    _require_fitting_gains(bundle, path)
     if bundle.movement is not None:
-        columns = [*range(n)[PATH_STATES]]
-        refuse_unless(
-            schema.states == VEHICLE.states and schema.exogenous[:1] == VEHICLE.exogenous,
+        _require_separate_path(bundle, bundle.movement, path)
+    if bundle.validity is not None:
+        speeds, conditions = bundle.validity.speed_mps, bundle.validity.conditions
+        is_negative = any(np.any(each < 0.0) for each in bundle.validity[:4])
+        if len(speeds) < 2 or np.any(np.diff(speeds) <= 0.0) or is_negative:
+            refuse(
+                path,
+                "two or more ascending speeds in valid_speed_mps, and no negative value in valid_*",
+                bundle.validity[:4],
+            )
+        count = len(CONDITIONS)
+        if len(conditions) not in (0, count) or np.any(np.diff(conditions) < 0.0):
+            expected = f"lowest and highest value of {count} quantities, or of none, in"
+            refuse(path, f"{expected} valid_conditions", conditions)
+    if bundle.car is not None:
+        try:
+            car_of(asdict(bundle.car))
+        except ValueError as error:
+            raise ArtifactError(f"{path}: {error}.") from error
+
+
+def _require_fitting_gains(bundle: Bundle, path: Path | str) -> None:
+    _, _, _, factor, shape, _ = bundle.gains or no_gains(bundle.n_observables)
+    one = len(bundle.schema.inputs) + len(bundle.schema.exogenous)
+    if not np.isin(factor, range(one + 1)).all():
+        refuse(path, f"columns 0 to {one} of [u; w; 1] in gains_factor", factor)
+    if not np.isin(shape, list(Shape)).all() or np.any(np.diff(shape) < 0):
+        refuse(path, f"numbers 0 to {max(Shape)} in ascending order in gains_shape", shape)
+    if np.any(factor[shape == Shape.SATURATION] != one):
+        refuse(path, f"{one} in gains_factor where gains_shape is {Shape.SATURATION}", factor)
+
+
+def _require_separate_path(bundle: Bundle, movement: Movement, path: Path | str) -> None:
+    """Refuse path states that do not follow from the motion alone."""
+    schema = bundle.schema
+    if schema.states != VEHICLE.states or schema.exogenous[:1] != VEHICLE.exogenous:
+        refuse(
+            path,
             "the states of a car on a road of one curvature where the path follows from the motion",
             f"{schema.state_names} and {schema.exogenous_names}",
         )
-        forcing = np.hstack([bundle.B_uc, bundle.B_uw, bundle.c[:, None], gains.N])
-        reads_path = np.vstack([bundle.A, gains.S, bundle.movement.S])[:, columns]
-        refuse_unless(
-            not (bundle.A[columns].any() or forcing[columns].any() or reads_path.any()),
-            "zeros for the path states in A, B_uc, B_uw, c and the gains, where the path follows "
-            "from the motion",
-            "others",
-        )
-    if validity is not None:
-        refuse_unless(
-            k > 1
-            and np.all(np.diff(knots) > 0.0)
-            and all(np.all(each >= 0.0) for each in validity[:4]),
-            "two or more ascending speeds in valid_speed_mps, and no negative value in valid_*",
-            validity[:4],
-        )
-        refuse_unless(
-            len(known_conditions) in (0, len(CONDITIONS))
-            and np.all(np.diff(known_conditions) >= 0.0),
-            f"lowest and highest value of {len(CONDITIONS)} quantities, or of none, in "
-            f"valid_conditions",
-            known_conditions,
-        )
-    refuse_unless(
-        n >= n_x and 1 <= b <= MOST_INSTANTS,
-        f"at least {n_x} observables and 1 to {MOST_INSTANTS} self-test instants",
-        f"{n} and {b}",
-    )
-    refuse_unless(
-        bundle.name.isprintable() and 0 < len(bundle.name) <= LONGEST_NAME,
-        f"a name of 1 to {LONGEST_NAME} printable characters",
-        f"{bundle.name!r:.60}",
-    )
-    if bundle.car is not None:
-        try:
-            car = car_of({**bundle.car.geometry._asdict(), **bundle.car.own_values})
-        except ValueError as error:
-            raise ArtifactError(f"{path}: {error}.") from error
-        refuse_unless(car == bundle.car, "a car of the values of a table [car]", bundle.car)
+    gains = bundle.gains or no_gains(bundle.n_observables)
+    forcing = np.hstack([bundle.A, bundle.B_uc, bundle.B_uw, bundle.c[:, None], gains.N])
+    reading = np.vstack([bundle.A, gains.S, movement.S])
+    if forcing[PATH_STATES].any() or reading[:, PATH_STATES].any():
+        expected = "zeros for the path states in A, B_uc, B_uw, c and the gains, where the path"
+        refuse(path, f"{expected} follows from the motion", "others")
 
 
 def require_drivable(bundle: Bundle) -> None:
@@ -185,12 +147,3 @@ def _plain(part: object) -> str:
     if isinstance(part, tuple):
         return ", ".join(f"{name} [{unit}]" for name, unit in part) or "none"
     return str(part)
-
-
-def check_field(path: Path | str, key: str, expected: object, found: object) -> None:
-    """Refuse a field of a bundle that is not as expected."""
-    if expected != found:
-        raise ArtifactError(
-            f"{path}: expected {key} = {expected}, found {found!s:.200}. This bundle was made for "
-            f"another controller: run offline-export of the same version."
-        )

@@ -18,13 +18,7 @@ from rt_controller.bus.log.log_file import LogFile
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.errors import needs_extra
 from rt_controller.contract.faults import Fault
-from rt_controller.contract.signals import (
-    INPUT_UNITS,
-    STATE_UNITS,
-    ControlInput,
-    PathReference,
-    VehicleState,
-)
+from rt_controller.contract.signals import VEHICLE, ControlInput, PathReference, VehicleState
 from rt_controller.contract.timing import PERIOD_S
 from rt_controller.control.mpc import Mpc
 from rt_controller.recording.journal import TickRecord
@@ -35,10 +29,8 @@ if TYPE_CHECKING:
     from foxglove import Channel
 
 _UNITS = {
-    **dict(zip(VehicleState._fields, STATE_UNITS, strict=True)),
+    **VEHICLE.units,
     **dict(zip(PathReference._fields, ("m", "1", "1/m", "1/m^2", "m/s", "m/s^2"), strict=True)),
-    **dict(zip(ControlInput._fields, INPUT_UNITS, strict=True)),
-    "curvature_per_m": "1/m",
     "time_s": "s",
 }
 

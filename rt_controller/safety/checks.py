@@ -7,9 +7,8 @@ from enum import Enum
 from math import inf, nan
 from typing import NamedTuple
 
-from rt_controller.contract.car import Car
+from rt_controller.contract.car import DEFAULT_CAR, Car
 from rt_controller.contract.faults import StopCause
-from rt_controller.contract.limits import MOST_LATERAL_MPS2
 from rt_controller.contract.quantities import Quantity
 from rt_controller.contract.timing import PERIOD_S
 
@@ -118,7 +117,7 @@ CHECKS: tuple[Check, ...] = (
     Check(
         "path acceleration",
         _Q.PATH_LATERAL_MPS2,
-        MOST_LATERAL_MPS2 + _FASTER_MPS2,
+        DEFAULT_CAR.path_lateral_mps2 + _FASTER_MPS2,
         1,
         _R.REJECT_PATH,
         _C.PATH_TOO_SHARP,

@@ -13,7 +13,7 @@ from rt_controller.bus.messages import MISSION, PREVIEW, REFERENCE
 from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.faults import Fault, StopCause
 from rt_controller.contract.figures import require_writable, write_figures
-from rt_controller.contract.signals import INPUT_UNITS, NEUTRAL_INPUT, ControlInput, Mode
+from rt_controller.contract.signals import NEUTRAL_INPUT, VEHICLE, ControlInput, Mode
 from rt_controller.contract.timing import PERIOD_S
 from rt_controller.recording.replay import (
     RecordedDrive,
@@ -185,8 +185,8 @@ def _margins(replay: Replay, now_ns: int, result: Tick, before: ControlInput) ->
         age_ms = nan if received is None else (now_ns - received.arrival_ns) * 1e-6
         yield Margin(f"age of the {name}", age_ms, (limit_ns + TIMING_SLACK_NS) * 1e-6, "ms")
     yield from plausibility_margins(node.supervisor.values, node.supervisor.checks)
-    columns = (result.control, before, limits.upper, limits.rate_per_s, INPUT_UNITS)
-    for name, now, old, bound, rate, unit in zip(ControlInput._fields, *columns, strict=True):
+    columns = (result.control, before, limits.upper, limits.rate_per_s)
+    for (name, unit), now, old, bound, rate in zip(VEHICLE.inputs, *columns, strict=True):
         yield Margin(f"size of {name}", abs(now), bound, unit)
         if name != "throttle" or now >= old:  # a throttle that closes is not limited
             change = abs(now - old)

@@ -12,11 +12,10 @@ from pydantic import AfterValidator
 
 from rt_controller.contract.names import hint
 from rt_controller.contract.signals import (
-    EXOGENOUS_FIELDS,
+    VEHICLE,
     ControlInput,
     CurvaturePreview,
     PathReference,
-    VehicleState,
 )
 
 ACTUATOR = "ACTUATOR"
@@ -29,7 +28,7 @@ _GROUPS = {
     "preview": ("REF_CURVATURE_A", "REF_CURVATURE_B"),
 }
 _ALIASES = {
-    "state": (*VehicleState._fields, *EXOGENOUS_FIELDS),
+    "state": (*VEHICLE.state_names, *VEHICLE.exogenous_names),
     "reference": PathReference._fields,
     "preview": CurvaturePreview._fields,
 }

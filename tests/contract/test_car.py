@@ -10,7 +10,7 @@ import pytest
 
 from rt_controller import ControllerConfig, simulate
 from rt_controller.bus.messages import Command
-from rt_controller.contract.car import DEFAULT_CAR, RANGES, THRESHOLDS, UNNAMED_CAR, Car, car_of
+from rt_controller.contract.car import CAR_VALUES, DEFAULT_CAR, THRESHOLDS, UNNAMED_CAR, Car, car_of
 from rt_controller.contract.faults import NO_REFUSAL, Refusal, StopCause
 from rt_controller.contract.quantities import Quantity
 from rt_controller.contract.signals import AT_REST, NEUTRAL_INPUT, Mode, PathReference
@@ -52,12 +52,12 @@ def test_a_bundle_carries_the_whole_car(tmp_path):
     save_bundle(tmp_path, bundle, "card")
     loaded = load_bundle(tmp_path)
     assert loaded.car == OWN
-    assert loaded.sha256 == bundle.sha256 != replace(bundle, car=Car(OWN.geometry)).sha256
+    assert loaded.sha256 == bundle.sha256 != replace(bundle, car=Car(*OWN.geometry)).sha256
 
 
-@pytest.mark.parametrize("name", RANGES)
+@pytest.mark.parametrize("name", CAR_VALUES)
 def test_a_value_outside_its_range_is_named_with_the_range(name):
-    low, high = RANGES[name]
+    low, high, *_ = CAR_VALUES[name]
     car_of({name: high})
     for wrong in (low - 0.01, 1.01 * high):
         with pytest.raises(ValueError, match=rf"{name}: expected {low:g} to {high:g}, found"):

@@ -16,7 +16,7 @@ from rt_controller.contract.signals import (
     GRAVITY_MPS2,
     MOTION,
     PATH_STATES,
-    STATE_UNITS,
+    VEHICLE,
     ControlInput,
     InputColumn,
     StateColumn,
@@ -90,4 +90,4 @@ def test_columns_have_the_order_of_the_vectors():
     assert tuple(column.name for column in InputColumn) == ControlInput._fields
     assert [*StateColumn] == [*range(len(VehicleState._fields))]
     assert [*range(6)[MOTION], *range(6)[PATH_STATES]] == [*range(6)]
-    assert len(STATE_UNITS) == len(VehicleState._fields)
+    assert VEHICLE.state_names == VehicleState._fields

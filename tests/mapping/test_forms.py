@@ -122,7 +122,7 @@ def test_parts_are_in_the_same_frames_and_units(column, message):
 
 
 def test_a_switch_has_one_signal():
-    with pytest.raises(ValueError, match="a switch of one signal"):
+    with pytest.raises(ConfigError, match="a switch of one signal"):
         SwitchMapping(column="Steps", negative="Sign")
 
 

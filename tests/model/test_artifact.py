@@ -61,7 +61,7 @@ CAR = SteeringGeometry(wheelbase_m=3.2, rear_axle_m=1.5, steering_ratio=16.0)
 
 
 def test_the_geometry_of_the_car_is_part_of_a_bundle(bundle: Bundle, tmp_path: Path) -> None:
-    known = replace(bundle, car=Car(CAR))
+    known = replace(bundle, car=Car(*CAR))
     save_bundle(tmp_path, known, "card")
     assert load_bundle(tmp_path).geometry == CAR
     assert known.sha256 != bundle.sha256

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from rt_controller.model.lift import IR_VERSION, OPSET, message
+
 FLOAT, DOUBLE, INT64 = 1, 11, 7
-OPSET = 18
-IR_VERSION = 10
 
 Shape = Sequence[str | int]
 
@@ -23,21 +23,21 @@ def model(
     """A ModelProto."""
     parts = ((1, nodes), (2, [b"lift"]), (5, constants), (11, inputs), (12, outputs))
     graph = [(number, each) for number, contents in parts for each in contents]
-    return _message((1, IR_VERSION), (7, _message(*graph)), (8, _message((1, b""), (2, OPSET))))
+    return message((1, IR_VERSION), (7, message(*graph)), (8, message((1, b""), (2, OPSET))))
 
 
 def node(operator: str, inputs: Sequence[str], output: str, axis: int | None = None) -> bytes:
     """A NodeProto with at most the one attribute that an encoder needs."""
-    attributes = [] if axis is None else [(5, _message((1, b"axis"), (3, axis), (20, 2)))]
+    attributes = [] if axis is None else [(5, message((1, b"axis"), (3, axis), (20, 2)))]
     names = [(1, name.encode()) for name in inputs]
-    return _message(*names, (2, output.encode()), (4, operator.encode()), *attributes)
+    return message(*names, (2, output.encode()), (4, operator.encode()), *attributes)
 
 
 def value(name: str, shape: Shape, kind: int = FLOAT) -> bytes:
     """A ValueInfoProto; a word in the shape is a dimension that is open."""
     sizes = [(1, each) if isinstance(each, int) else (2, each.encode()) for each in shape]
-    dimensions = _message(*((1, _message(size)) for size in sizes))
-    return _message((1, name.encode()), (2, _message((1, _message((1, kind), (2, dimensions))))))
+    dimensions = message(*((1, message(size)) for size in sizes))
+    return message((1, name.encode()), (2, message((1, message((1, kind), (2, dimensions))))))
 
 
 def constant(name: str, numbers: np.ndarray) -> bytes:
@@ -45,7 +45,7 @@ def constant(name: str, numbers: np.ndarray) -> bytes:
     kind = INT64 if numbers.dtype == np.int64 else FLOAT
     raw = numbers.astype("<i8" if kind == INT64 else "<f4").tobytes()
     sizes = [(1, size) for size in numbers.shape]
-    return _message(*sizes, (2, kind), (8, name.encode()), (9, raw))
+    return message(*sizes, (2, kind), (8, name.encode()), (9, raw))
 
 
 def passes_on(
@@ -59,21 +59,3 @@ def passes_on(
         [value(name, shape, kind) for name, shape in inputs],
         [value(name, shape, kind) for name, shape in outputs],
     )
-
-
-def _message(*fields: tuple[int, int | bytes]) -> bytes:
-    """Numbered fields: whole numbers, and contents with their length."""
-    return b"".join(
-        _varint(number << 3) + _varint(content)
-        if isinstance(content, int)
-        else _varint(number << 3 | 2) + _varint(len(content)) + content
-        for number, content in fields
-    )
-
-
-def _varint(number: int) -> bytes:
-    whole = bytearray()
-    while number >= 0x80:
-        whole.append(number & 0x7F | 0x80)
-        number >>= 7
-    return bytes((*whole, number))

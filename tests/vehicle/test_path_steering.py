@@ -48,7 +48,7 @@ def test_the_wheel_stays_within_its_bounds(side: float) -> None:
     narrow = DEFAULT_GEOMETRY._replace(lock_rad=radians(40.0))
     for geometry, bound_deg in ((narrow, 40.0), (DEFAULT_GEOMETRY, 540.0)):
         before_rad = side * radians(bound_deg - 1.0)
-        found = steer_along(path, slow, 0.0, before_rad, Car(geometry))
+        found = steer_along(path, slow, 0.0, before_rad, Car(*geometry))
         assert found == pytest.approx(side * radians(bound_deg))
 
 

@@ -136,7 +136,7 @@ def test_settings_come_before_the_model_and_the_model_before_the_defaults():
     assert (car.speeds.leave_mps, car.speeds.resume_mps) == (8.0, 9.0)
     assert car.geometry == SteeringGeometry(2.910, 1.8604, 18.5)
     assert car.hold_n == pytest.approx(4.0 / 0.08)
-    known = dataclasses.replace(bundle, car=Car(SteeringGeometry(3.2, 1.5, 16.0)))
+    known = dataclasses.replace(bundle, car=Car(3.2, 1.5, 16.0))
     settings = LowSpeedSettings(steering_ratio=14.0, throttle_mps2=2.0, below_mps=2.0)
     car = choose_low_speed_car(known, settings)
     assert car.geometry == SteeringGeometry(3.2, 1.5, 14.0)

@@ -31,7 +31,7 @@ from offline.data.recipe import Recipe
 from offline.data.recording import cut
 from offline.data.signals import VEHICLE_ROLES
 from offline.data.variation import VARIED
-from rt_controller.contract.car import Car
+from rt_controller.contract.car import DEFAULT_CAR, Car
 from rt_controller.contract.errors import DatasetError
 from rt_controller.contract.limits import DEFAULT_GEOMETRY
 from rt_controller.contract.signals import VEHICLE
@@ -91,11 +91,11 @@ def test_the_manifest_of_imported_logs_contains_their_names_and_the_mapping(toy_
 
 def test_the_car_is_kept_with_its_own_values_and_may_be_missing(toy_dataset, tmp_path):
     assert toy_dataset.car is None
-    car = Car(steering_geometry(), plan_lateral_mps2=3.0, thresholds={"yaw_rate_ten_radps": 0.1})
+    car = Car(*steering_geometry(), plan_lateral_mps2=3.0, thresholds={"yaw_rate_ten_radps": 0.1})
     save_again(tmp_path, toy_dataset, car=car)
     assert load_dataset(tmp_path).car == car
-    save_again(tmp_path / "default", toy_dataset, car=Car(steering_geometry()))
-    assert load_dataset(tmp_path / "default").car == Car()
+    save_again(tmp_path / "default", toy_dataset, car=Car(*steering_geometry()))
+    assert load_dataset(tmp_path / "default").car == DEFAULT_CAR
     assert steering_geometry() == DEFAULT_GEOMETRY
 
 

@@ -10,7 +10,7 @@ from offline.data.recording import Recording
 from offline.data.roads import LARGEST_PER_M, RoadsNearCar, roads_near_car
 from offline.data.sampling import validation_batch
 from offline.data.signals import fit_scaling
-from rt_controller.contract.limits import PLAN_TURN_MPS2
+from rt_controller.contract.car import DEFAULT_CAR
 
 
 def turning(speed_mps: float, yaw_rate_radps: float) -> Recording:
@@ -34,7 +34,7 @@ def test_the_road_has_the_mean_curvature_of_the_window_and_some_noise(speed, yaw
 
 
 def test_no_road_is_tighter_than_a_plan_may_turn_on_it():
-    for speed, most in ((30.0, PLAN_TURN_MPS2 / 900.0), (3.0, LARGEST_PER_M)):
+    for speed, most in ((30.0, DEFAULT_CAR.plan_lateral_mps2 / 900.0), (3.0, LARGEST_PER_M)):
         found = RoadsNearCar(turning(speed, 0.8)).draw(np.full(4, STEPS), np.array([30, -30, 9, 0]))
         assert np.abs(found).max() == pytest.approx(most)
         assert found.min() < 0.0 < found.max()

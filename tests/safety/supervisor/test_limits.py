@@ -159,7 +159,7 @@ def test_only_actuators_that_follow_their_commands_show_that_a_state_is_frozen(f
 
 @pytest.mark.parametrize(("brake_mps2_per_n", "brake_n"), [(0.1, 5.0), (0.05, 10.0), (0.04, 10.0)])
 def test_a_stronger_brake_may_differ_by_less_and_a_weaker_one_by_no_more(brake_mps2_per_n, brake_n):
-    checks = checks_of(DEFAULT_CAR._replace(brake_mps2_per_n=brake_mps2_per_n))
+    checks = checks_of(replace(DEFAULT_CAR, brake_mps2_per_n=brake_mps2_per_n))
     (found,) = (each.threshold for each in checks if each.quantity is Quantity.BRAKE_N)
     assert found == pytest.approx(brake_n)
     assert checks_of(DEFAULT_CAR) == CHECKS
