@@ -49,13 +49,8 @@ class SentCommands:
         for control, sent in zip(reversed(self._inputs), reversed(self._counters), strict=True):
             if len(found) == most:
                 break
-            if sent is None:
-                continue
-            lag = (counter - sent) % LONG_COUNTER_MODULUS
-            if lag == len(found):
+            if sent is not None and (counter - sent) % LONG_COUNTER_MODULUS == len(found):
                 found.append(control)
-            elif lag < LONG_COUNTER_MODULUS // 2:
-                break  # one is missing
         return found
 
     def outside(self, applied: ControlInput, late_periods: int = 0) -> ControlInput:
