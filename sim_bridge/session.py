@@ -64,7 +64,7 @@ class BridgeSession:
         """
         bridge = self.bridge
         bridge.tick(now_ns)
-        if bridge.time_s > bridge.scenario.duration_s + LONGEST_STOP_S:
+        if bridge.run.time_s > bridge.scenario.duration_s + LONGEST_STOP_S:
             raise PlantError(
                 f"Expected a car at rest within {LONGEST_STOP_S:g} s after the end of the "
                 f"scenario, found {bridge.summary().final_speed_mps:.2g} m/s with the brake of a "
