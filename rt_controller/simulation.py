@@ -16,7 +16,7 @@ from rt_controller.contract.errors import ConfigError, PlantError, require_type
 from rt_controller.contract.settings_errors import dotted, explain
 from rt_controller.control.low_speed import LowSpeedCar
 from rt_controller.control.mpc import Mpc
-from rt_controller.drive.scenario import ConeAt, DrivenScenario, LaneAt, LateralError
+from rt_controller.drive.scenario import DrivenScenario, LateralError
 from rt_controller.drive.table import Drive
 from rt_controller.model.bundle import Bundle
 from rt_controller.node import build_mpc
@@ -77,8 +77,8 @@ def driven_scenario(car: "BridgeSession") -> DrivenScenario:
         plant=car.bridge.plant_name,
         friction=scenario.road.uniform_friction,
         start_s_m=scenario.start.s_m,
-        cones=tuple(ConeAt(*cone) for cone in course.cones),
-        lanes=tuple(LaneAt(*lane) for lane in course.lanes),
+        cones=course.cones,
+        lanes=course.lanes,
     )
 
 

@@ -135,11 +135,10 @@ def build_car(scenario: Scenario, choice: CarSettings | Plant = OWN_CAR) -> Car:
         PlantError: the plant raised an exception in its reset or first step.
     """
     plant, start = choice, scenario.start
+    ground = scenario.road_at(start.s_m, 0.0)
     if isinstance(plant, CarSettings):
-        friction = scenario.road.friction_left.at(start.s_m)
-        ground = scenario.road_at(start.s_m, 0.0)
         payload = Payload(*(value for _, value in scenario.payload))
-        plant = open_plant(plant, friction, payload, ground)
+        plant = open_plant(plant, ground, payload)
     else:
         require_plant(plant)
     with ExitStack() as opened:
@@ -147,14 +146,14 @@ def build_car(scenario: Scenario, choice: CarSettings | Plant = OWN_CAR) -> Car:
         require_road(plant, scenario)
         car = Car(plant, start.speed_mps)
         # One period for nothing: what is loaded at first use is loaded here and not in the loop.
-        car.set_road(scenario.road_at(start.s_m, 0.0))
+        car.set_road(ground)
         car.advance(NEUTRAL_INPUT, scenario.road.curvature_per_m)
         if plant.failure is not None:
             raise ConfigError(
                 f"Expected a plant that drives a first control period, found a failure of "
                 f"{plant.failure}. Correct the plant or its mapping."
             )
-        settle(car, start, scenario.road_at(start.s_m, 0.0))
+        settle(car, start, ground)
         opened.pop_all()
     return car
 

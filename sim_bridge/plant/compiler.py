@@ -23,11 +23,11 @@ FLAGS = ("-std=c99", "-O2", "-fPIC", "-shared", "-fvisibility=hidden", "-ffp-con
 SOURCES = Path(__file__).with_name("c")
 BUILT = Path(__file__).with_name("built")
 """where the compiled car is, in an installation and in a checkout"""
-_RECORDS = ("parts.py", "tyre_file.py", "parameters.py")
-"""files whose named tuples `…Parameters` are the numbers of a car"""
+_RECORDS = ("parts.py", "tyre_file.py", "parameters.py", "states.py")
+"""files whose named tuples `…Parameters` are the numbers of a car, and `StateIndex` its states"""
 _ARRAYS = {"Ratios": "[N_GEARS]", "Efficiencies": "[N_GEARS]", "MapTorques": "[N_MAP][N_MAP]"}
 _OF_FILE = {"_FromTyreFile": "TyreFileParameters"}
-_ARRAYS |= dict.fromkeys(("MapSpeeds", "MapPedals"), "[N_MAP]")
+_ARRAYS |= {"MapSpeeds": "[N_MAP]", "MapPedals": "[N_MAP]", "PerWheel": "[N_WHEELS]"}
 _NAMES = ("cc", "gcc", "clang")
 _TIMEOUT_S = 300.0
 
@@ -65,16 +65,16 @@ def parameters_header() -> str:
     texts = (Path(__file__).with_name(name).read_text("utf-8") for name in _RECORDS)
     nodes = (node for text in texts for node in ast.parse(text).body)
     lines = ["/* Made from the named tuples of sim_bridge/plant. */", "#pragma once"]
-    lines += ["#define N_MAP 8", "#define N_GEARS 6"]
+    lines += ["#define N_MAP 8", "#define N_GEARS 6", "#define N_WHEELS 4"]
     for name, fields in map(_record, nodes):
-        if not name.endswith("Parameters"):
+        if not name.endswith(("Parameters", "StateIndex")):
             continue
         lines.append("typedef struct {")
         for field, annotation in fields:
             kind = _OF_FILE.get(annotation, annotation).removeprefix("parts.")
             is_part = kind.endswith("Parameters")
             lines.append(f"{kind if is_part else 'double'} {field}{_ARRAYS.get(kind, '')};")
-        lines.append(f"}} {name};")
+        lines.append(f"}} {name.removesuffix('Index')};")
     return "\n".join((*lines, ""))
 
 

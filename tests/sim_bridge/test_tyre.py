@@ -14,8 +14,7 @@ from made_tyre import TYRE_FILE_TEXT
 
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.errors import ConfigError
-from sim_bridge.plant.car_record import car_record
-from sim_bridge.plant.library import tyre_force
+from sim_bridge.plant.library import car_record, tyre_force
 from sim_bridge.plant.parameters import default_car, load_parameters
 from sim_bridge.plant.tyre_file import parse_tyre_file
 from sim_bridge.validation.run import input_table, replay
