@@ -173,21 +173,6 @@ def simulate(
     return motion, outputs
 
 
-def tyre_force(
-    lateral_slip: float,
-    longitudinal_slip: float,
-    lean_rad: float,
-    load_n: float,
-    road_friction: float,
-    record: Array,
-) -> tuple[float, float, float]:
-    """(forward_n, left_n, aligning_nm) of the road on a left tyre, in the axes of the wheel."""
-    slips, force = (lateral_slip, longitudinal_slip, lean_rad), np.empty(3)
-    car_library().car_tyre_force(*slips, load_n, road_friction, record, force)
-    forward_n, left_n, aligning_nm = force.tolist()
-    return forward_n, left_n, aligning_nm
-
-
 def steady_pressures_mpa(pedal_n: float, record: Array) -> tuple[float, float]:
     """(front, rear) brake pressures behind a pedal that is held."""
     pressures = np.empty(2)

@@ -66,6 +66,11 @@ class BodyParameters(NamedTuple):
     unsprung_rear_kg: Positive
     unsprung_height_m: Positive
 
+    @property
+    def wheelbase_m(self) -> float:
+        """Distance between the axles."""
+        return self.front_axle_m + self.rear_axle_m
+
 
 class SuspensionParameters(NamedTuple):
     """What stands between body and wheels, seen at the wheels; see chassis.c."""
