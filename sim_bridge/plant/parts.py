@@ -2,7 +2,7 @@
 
 Each name ends in its unit, a name without one is a dimensionless number; a pair of front and rear
 values is two fields. The values, each with its source, are in the files under `cars/`. The compiler
-gets these tuples as structs (`parameters_header` in compiler.py).
+gets these tuples as structs (`records_header` in compiler.py).
 """
 
 from typing import Annotated, Any, NamedTuple

@@ -16,7 +16,7 @@
 
 #include <math.h>
 
-#include "parameters.h"
+#include "records.h"
 
 #define N_FRONT 2 /* front wheels; they come first */
 
@@ -25,8 +25,8 @@
 #define RPM_OF_RADPS (30.0 / PI)
 #define STEP_S 0.001 /* of the integration; 25 steps in a control period */
 
-/* The memory of a `State`, made from `StateIndex` in Python, is a flat array of doubles. The position
- * on the road is not part of it. */
+/* `State` and `Outputs` are made from `StateIndex` and `PlantOutputs` in Python; their memory is a
+ * flat array of doubles. The position on the road is not part of the state. */
 #define N_STATES (sizeof(State) / sizeof(double))
 
 /* x' = rate - decay x, and dry friction of size `friction` against x. Lags are given as rate and
@@ -65,29 +65,6 @@ typedef struct {
     const double *starts_m;
     const double *coefficients;
 } Curvature;
-
-/* In the order of `PlantOutputs` in Python. */
-typedef struct {
-    double ax_mps2; /* acceleration of the centre of gravity, body axes */
-    double ay_mps2;
-    double sideslip_rad;
-    double roll_rad;
-    double pitch_rad;
-    double gear;
-    double engine_rpm;
-    double throttle;
-    double brake_mpa;      /* of the front left wheel */
-    double road_wheel_rad; /* mean angle of the front wheels with roll steer and compliance */
-    double turbine_rpm;
-    double wind_up_rad;
-    double travel_m[N_WHEELS]; /* of each wheel towards the body */
-    double load_n[N_WHEELS];
-    double spin_radps[N_WHEELS];
-    double accelerometer_forward_mps2; /* fixed to the body, so it reads gravity when it pitches */
-    double accelerometer_left_mps2;
-    double steering_wheel_nm; /* without power assistance, positive to the left */
-    double engine_nm;         /* at the crankshaft, or the shaft of the electric motor */
-} Outputs;
 
 /* One axle, so that both use the same equations. */
 typedef struct {
