@@ -15,7 +15,7 @@ from rt_controller.realtime.clock import RealtimeClock
 from rt_controller.realtime.scheduling import set_thread_priority
 from rt_controller.settings import BusSettings, CarSettings
 from sim_bridge.adapters.plants import open_plant
-from sim_bridge.bridge import DEFAULT_DELAY, Bridge, Delay
+from sim_bridge.bridge import Bridge, Delay
 from sim_bridge.car import Car
 from sim_bridge.plant.parts import Payload
 from sim_bridge.plant.protocol import Plant, require_plant
@@ -180,8 +180,8 @@ def open_session(
         BusError: the bus cannot be opened.
     """
     manoeuvre = load_scenario(scenario) if isinstance(scenario, str) else scenario
-    if isinstance(plant, CarSettings):
-        manoeuvre = manoeuvre.with_friction(plant.friction, plant.friction_right)
+    settings = plant if isinstance(plant, CarSettings) else OWN_CAR
+    manoeuvre = manoeuvre.with_friction(settings.friction, settings.friction_right)
     if faults is not None:
         manoeuvre = add_faults(manoeuvre, faults)
     car = build_car(manoeuvre, plant)
@@ -199,8 +199,6 @@ def open_session(
             opened.callback(close_bus, below)
             bus = ForeignBus(below, foreign, lambda: car.s_m)
         opened.pop_all()
-    delay = DEFAULT_DELAY
-    if isinstance(plant, CarSettings):
-        delay = Delay(plant.transport_delay, plant.actuation_delay)
+    delay = Delay(settings.transport_delay, settings.actuation_delay)
     bridge = Bridge(bus, car, manoeuvre, recorder, delay, has_checks)
     return BridgeSession(bus, bridge)
