@@ -1,6 +1,6 @@
 """A simulated drive as a function: scenario, plant and model in, table of the drive out."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing
 from itertools import count
 from math import inf
@@ -13,10 +13,10 @@ from threadpoolctl import threadpool_limits
 
 from rt_controller.config import ControllerConfig, require_config
 from rt_controller.contract.errors import ConfigError, PlantError, require_type
-from rt_controller.contract.limits import SteeringGeometry
 from rt_controller.contract.settings_errors import dotted, explain
+from rt_controller.control.low_speed import LowSpeedCar
 from rt_controller.control.mpc import Mpc
-from rt_controller.drive.scenario import ConeAt, DrivenScenario, LaneAt, LateralError
+from rt_controller.drive.scenario import DrivenScenario, LateralError
 from rt_controller.drive.table import Drive
 from rt_controller.model.bundle import Bundle
 from rt_controller.node import build_mpc
@@ -77,8 +77,8 @@ def driven_scenario(car: "BridgeSession") -> DrivenScenario:
         plant=car.bridge.plant_name,
         friction=scenario.road.uniform_friction,
         start_s_m=scenario.start.s_m,
-        cones=tuple(ConeAt(*cone) for cone in course.cones),
-        lanes=tuple(LaneAt(*lane) for lane in course.lanes),
+        cones=course.cones,
+        lanes=course.lanes,
     )
 
 
@@ -88,29 +88,14 @@ def car_error(car: "BridgeSession") -> LateralError:
     return LateralError(summary.ey_rms_m, summary.ey_peak_m)
 
 
-def steering_note(
-    car: "BridgeSession", geometry: SteeringGeometry, most_plan_rad: float
-) -> str | None:
-    """A sentence if the scenario needs more steering than the controller may command."""
-    from sim_bridge.scenario_checks import steering_note as note
+def scenario_notes(
+    car: "BridgeSession", friction: float | None, model: Bundle, known: LowSpeedCar
+) -> Iterator[str]:
+    """Sentences about what the scenario asks of this friction, if one is set, model and car."""
+    from sim_bridge.scenario_checks import notes
 
-    return note(car.bridge.scenario, geometry, most_plan_rad)
-
-
-def training_note(car: "BridgeSession", model: Bundle) -> str | None:
-    """A sentence if the scenario leaves what the model was trained with."""
-    from sim_bridge.scenario_checks import training_note as note
-
-    return note(car.bridge.scenario, model)
-
-
-def grip_note(car: "BridgeSession", friction: float | None) -> str | None:
-    """A sentence if the scenario needs more grip than this friction gives, if one is set."""
-    if friction is None:
-        return None
-    from sim_bridge.scenario_checks import grip_note as note
-
-    return note(car.bridge.scenario)
+    scenario, has_own_friction = car.bridge.scenario, friction is not None
+    return notes(scenario, has_own_friction, model, known.geometry, known.model_rad)
 
 
 def require_scenario(found: object) -> None:

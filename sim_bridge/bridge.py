@@ -1,7 +1,7 @@
 """The vehicle's end of the bus: commands in, one period of the car, state frames out."""
 
 from collections import deque
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from math import inf
 from typing import NamedTuple
 
@@ -34,7 +34,6 @@ from rt_controller.contract.timing import (
     MISSION_VALID_NS,
 )
 from rt_controller.drive.scenario import CarFigure
-from rt_controller.vehicle.braking_cause import BrakingCause
 from rt_controller.vehicle.path_steering import Course, largest_brake_n, steer_along
 from rt_controller.vehicle.vehicle_envelope import STANDING
 from sim_bridge.car import FASTEST_MPS, Car
@@ -42,6 +41,7 @@ from sim_bridge.car_guard import Actuator, ActuatorWatchdog, CommandCheck, Faile
 from sim_bridge.faults.bus import FaultyBus
 from sim_bridge.scenario import Scenario
 from sim_bridge.scenario_run import ScenarioRun
+from sim_bridge.summary import BridgeSummary
 
 MISSION_ID = 1
 END_TICKS = (DISENGAGED_FRAMES + 1) * MISSION_PERIOD_TICKS
@@ -60,61 +60,6 @@ class Delay(NamedTuple):
 
 
 DEFAULT_DELAY = Delay()
-
-
-class Truth(NamedTuple):
-    """The true motion of the car, from the plant and not from the bus."""
-
-    ey_error_m: float
-    """from the wanted position"""
-    speed_mps: float
-    wanted_mps: float
-    is_vehicle_braking: bool
-    """the vehicle brakes by itself"""
-    has_refused: bool
-    """the vehicle does not follow the newest command"""
-
-
-@dataclass(frozen=True, slots=True)
-class BridgeSummary:
-    """Figures of the run from the car itself, not from the bus."""
-
-    ticks: int
-    final_speed_mps: float
-    travelled_m: float
-    ey_rms_m: float
-    ey_peak_m: float
-    watchdog_braked: bool
-    controller_ended: bool
-    """the watchdog braked after a safe stop of the controller, and not while it drove"""
-    refused_ticks: dict[str, int]
-    """ticks in which the newest command was refused, by name of the reason"""
-    foreign_frames: int
-    """frames that only this vehicle sends"""
-    frames_received: dict[str, int]
-    """damaged, repeated and missing ones, by kind"""
-    plant_failure: str | None
-    """why the motion is not finite or too fast; the figures are those before it"""
-    braking_cause: str | None = None
-    """name of the `BrakingCause` with which the watchdog began to brake; None: it did not brake"""
-    failed_actuators: tuple[str, ...] = ()
-    """names of each `Actuator` that has failed, in the order of detection"""
-    released: bool = False
-    """the controller released the car after the end of the mission: a driver has taken it"""
-
-    @property
-    def failed_text(self) -> str:
-        """Which actuators have failed, for people; empty if none has."""
-        return "; ".join(Actuator[name].value for name in self.failed_actuators)
-
-    @property
-    def braking_text(self) -> str:
-        """Why the watchdog brakes, for people; empty if it does not."""
-        if self.braking_cause is None:
-            return ""
-        cause = BrakingCause[self.braking_cause]
-        why = "" if cause is BrakingCause.ACTUATOR_FAILED else cause.value
-        return "; ".join(filter(None, (why, self.failed_text)))
 
 
 class Bridge:
@@ -151,7 +96,8 @@ class Bridge:
         self._outbox = Outbox(self._bus, Node.VEHICLE, sent)
         self._car = car
         self.scenario = scenario
-        self._run = ScenarioRun(scenario, car.state, car.s_m)
+        self.run = ScenarioRun(scenario, car.state, car.s_m)
+        """the car at the end of the last period, from the plant and not from the bus"""
         self._curvature = scenario.road.curvature_per_m
         self._check = CommandCheck(has_checks)
         self._has_checks = has_checks
@@ -180,31 +126,15 @@ class Bridge:
         """
         if self._failed_ticks >= END_TICKS:
             return True
-        is_braking = self._watchdog.braking_cause is not None
-        is_driven = self._mode is not None and self._mode.drives and not is_braking
-        is_stopping = is_braking or self._mode is Mode.SAFE_STOP
+        is_driven = self._mode is not None and self._mode.drives and not self.is_braking
+        is_stopping = self.is_braking or self._mode is Mode.SAFE_STOP
         ticks = LONGEST_END_TICKS if is_driven else END_TICKS
-        return self._run.end_ticks >= ticks and not (is_stopping and self._run.is_moving)
-
-    @property
-    def is_mission_over(self) -> bool:
-        """True from the end of the scenario on: a driver has taken the car."""
-        return self._run.end_ticks > 0
-
-    @property
-    def driven_ticks(self) -> int:
-        """Periods in which a controller drove the car."""
-        return self._run.ticks
-
-    @property
-    def time_s(self) -> float:
-        """Time since the car was first driven."""
-        return self._run.time_s
+        return self.run.end_ticks >= ticks and not (is_stopping and self.run.is_moving)
 
     @property
     def is_waiting(self) -> bool:
         """True until a controller drives the car."""
-        return self._run.ticks == 0
+        return self.run.ticks == 0
 
     @property
     def plant_name(self) -> str:
@@ -212,15 +142,14 @@ class Bridge:
         return self._car.plant.name
 
     @property
-    def truth(self) -> Truth:
-        """The car at the end of the last period."""
-        return Truth(
-            self._run.ey_error_m,
-            self._run.speed_mps,
-            self._run.path.v_mps,
-            self._watchdog.braking_cause is not None,
-            self._check.refusals != NO_REFUSAL,
-        )
+    def is_braking(self) -> bool:
+        """True if the vehicle brakes by itself."""
+        return self._watchdog.braking_cause is not None
+
+    @property
+    def has_refused(self) -> bool:
+        """True if the vehicle does not follow the newest command."""
+        return self._check.refusals != NO_REFUSAL
 
     def listen(self, now_ns: int) -> None:
         """Read the bus and send nothing: frames of a vehicle are those of another one.
@@ -249,7 +178,7 @@ class Bridge:
             peer = self._inbox.newest(CONTROLLER_IDENTITY)
             if peer is not None:
                 require_same_catalogue(peer.content)
-        motion = STANDING if self.is_waiting else self._run.motion
+        motion = STANDING if self.is_waiting else self.run.motion
         self._check.take(self._inbox, now_ns, self._sent_ticks - 1, motion)
         self._inbox.end_period(now_ns)
         self._in_transport.append(self._check.accepted)
@@ -267,29 +196,29 @@ class Bridge:
 
     def end_mission(self) -> None:
         """End the mission with the next tick, as at the end of the scenario."""
-        self._run.end_mission()
+        self.run.end_mission()
 
     def figures(self) -> tuple[CarFigure, ...]:
         """The figures that the scenario names or limits, so far."""
-        return self._run.figures()
+        return self.run.figures()
 
     def faults_so_far(self) -> tuple[str, ...]:
         """What each fault of the scenario that has acted does, and when."""
-        tick, faults = self._run.ticks, self.scenario.faults
+        tick, faults = self.run.ticks, self.scenario.faults
         return tuple(f.text for f in faults if f.ticks.start <= tick or f.before_drive)
 
     def summary(self) -> BridgeSummary:
         """The figures so far."""
-        ey_rms_m, ey_peak_m = self._run.ey_error_rms_and_peak_m()
+        ey_rms_m, ey_peak_m = self.run.ey_error_rms_and_peak_m()
         plant, cause = self._car.plant, self._watchdog.braking_cause
         failure = plant.failure or (
             f"{plant.name}: expected a finite motion of at most {FASTEST_MPS:g} m/s, found "
             f"{self._car.state.vx_mps:.4g} m/s"
         )
         return BridgeSummary(
-            ticks=self._run.ticks,
-            final_speed_mps=self._run.speed_mps,
-            travelled_m=self._run.s_m,
+            ticks=self.run.ticks,
+            final_speed_mps=self.run.speed_mps,
+            travelled_m=self.run.s_m,
             ey_rms_m=ey_rms_m,
             ey_peak_m=ey_peak_m,
             watchdog_braked=cause is not None,
@@ -309,17 +238,17 @@ class Bridge:
 
     def _read(self, now_ns: int) -> None:
         if self._faulty is not None:
-            self._faulty.begin_reading(self._run.ticks)
+            self._faulty.begin_reading(self.run.ticks)
         self._inbox.drain(self._bus, now_ns)
         if self.is_waiting:
             self.require_readable_bus()
 
     def _advance(self, now_ns: int) -> None:
-        run, watchdog, actuators = self._run, self._watchdog, self._actuators
+        run, watchdog, actuators = self.run, self._watchdog, self._actuators
         if run.end_ticks > 0 and self._mode is Mode.STANDBY:
             self._has_driver = True
         wanted = NEUTRAL_INPUT
-        if not self._has_driver or watchdog.braking_cause is not None:
+        if not self._has_driver or self.is_braking:
             motion = run.motion if self._has_checks else STANDING
             failed = actuators.failed if self._has_checks else []
             newest = self._sent_ticks - 1
@@ -344,11 +273,10 @@ class Bridge:
         state = self._car.advance(self.applied, self._curvature)
         self.has_failed = not self._car.is_sound
         if not self.has_failed:
-            is_braking = watchdog.braking_cause is not None
-            run.advance(state, self._car.s_m, self.applied, self._mode, is_braking)
+            run.advance(state, self._car.s_m, self.applied, self._mode, self.is_braking)
 
     def _send(self, now_ns: int) -> None:
-        command, run, send = self._command, self._run, self._outbox.send
+        command, run, send = self._command, self.run, self._outbox.send
         age_s = 0.0 if self._faulty is None else self._faulty.sample_age_s(run.ticks)
         state, s_m, path = run.sample(age_s)
         sample = StateSample(
@@ -356,7 +284,7 @@ class Bridge:
             curvature_per_m=self._curvature.at(s_m),
             sample_time_ns=now_ns - round(1e9 * age_s),
             command_echo=None if command is None else command.counter,
-            is_watchdog_braking=self._watchdog.braking_cause is not None,
+            is_watchdog_braking=self.is_braking,
             refusals=self._check.refusals,
         )
         counter = self._sent_ticks  # counts on while frames are lost

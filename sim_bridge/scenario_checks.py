@@ -1,5 +1,6 @@
 """Checks of a scenario before its drive: against the plant, the friction and the steering wheel."""
 
+from collections.abc import Iterator
 from math import degrees
 
 import numpy as np
@@ -57,29 +58,45 @@ def require_road(plant: Plant, scenario: Scenario) -> None:
         )
 
 
-def grip_note(scenario: Scenario) -> str | None:
-    """A sentence if the path cannot be driven with the friction of --friction; else None.
+def notes(
+    scenario: Scenario,
+    has_own_friction: bool,
+    model: Bundle | None = None,
+    geometry: SteeringGeometry = DEFAULT_GEOMETRY,
+    most_plan_rad: float = PLAN_STEER_RAD,
+) -> Iterator[str]:
+    """Sentences about a scenario that can be driven, but not as it is wanted.
 
-    With the friction in its file such a scenario is refused; --friction is there to try it.
+    With the friction in its file a path beyond the grip is refused; --friction is there to try it.
 
-    `scenario` has the friction that is driven.
+    Args:
+        scenario: to be driven, with its friction.
+        has_own_friction: the friction is one of --friction.
+        model: of the controller; None: unknown.
+        geometry: of the car.
+        most_plan_rad: largest angle that the model was trained with.
     """
-    found = problems(scenario)
-    if not found:
-        return None
-    return f"scenario {scenario.name!r} with this --friction: {found[0]} It is driven all the same."
+    drive = drive_nominally(scenario)
+    yield from _steering_note(scenario, drive, geometry, most_plan_rad)
+    if has_own_friction:
+        for found in problems(scenario)[:1]:
+            yield (
+                f"scenario {scenario.name!r} with this --friction: {found} It is driven all the "
+                f"same."
+            )
+    if model is not None:
+        yield from _training_note(scenario, drive, model)
 
 
-def training_note(scenario: Scenario, model: Bundle) -> str | None:
-    """A sentence if the scenario leaves the ranges of the training data of a model; else None.
+def _training_note(scenario: Scenario, drive: NominalDrive, model: Bundle) -> Iterator[str]:
+    """A sentence if the scenario leaves the ranges of the training data of a model.
 
     Motion is that of a steady turn along the wanted path, above `LOW_SPEED_MPS`, where the model
     drives; what lasts less than `SHORT_EXCESS_S` is averaged by a car and does not count.
     """
     validity, trained = model.validity, model.trained_range
     if validity is None or trained is None:
-        return None
-    drive = drive_nominally(scenario)
+        return
     wheel_rad = _steady_wheel_rad(drive, model.geometry or DEFAULT_GEOMETRY)
     lateral = drive.turn_per_m * drive.speed_mps**2
     road = scenario.road.curvature_per_m(drive.s_m)
@@ -105,9 +122,10 @@ def training_note(scenario: Scenario, model: Bundle) -> str | None:
         if outside.max() > shown.tolerance:
             worst_value = driven[outside.argmax()]
             parts.append(f"{shown.text(worst_value)} (trained {shown.span(limits)})")
-    if not parts:
-        return None
-    return f"scenario {scenario.name!r} leaves what the model was trained with: {'; '.join(parts)}"
+    if parts:
+        yield (
+            f"scenario {scenario.name!r} leaves what the model was trained with: {'; '.join(parts)}"
+        )
 
 
 def _steady_wheel_rad(drive: NominalDrive, geometry: SteeringGeometry) -> Array:
@@ -116,23 +134,15 @@ def _steady_wheel_rad(drive: NominalDrive, geometry: SteeringGeometry) -> Array:
     return geometry.steering_ratio * np.abs(drive.turn_per_m) * per_turn
 
 
-def steering_note(
-    scenario: Scenario,
-    geometry: SteeringGeometry = DEFAULT_GEOMETRY,
-    most_plan_rad: float = PLAN_STEER_RAD,
-) -> str | None:
-    """A sentence if the reference needs more than the limit of the steering wheel; else None.
+def _steering_note(
+    scenario: Scenario, drive: NominalDrive, geometry: SteeringGeometry, most_plan_rad: float
+) -> Iterator[str]:
+    """A sentence if the reference needs more than the limit of the steering wheel.
 
     Only what is needed for longer than `SHORT_S` counts: a car averages shorter peaks. The estimate
     is the steady state on the curvature of the wanted path: wheelbase times curvature
     plus understeer times lateral acceleration, times the steering ratio.
-
-    Args:
-        scenario: to be driven.
-        geometry: of the car.
-        most_plan_rad: largest angle that the model was trained with.
     """
-    drive = drive_nominally(scenario)
     wheel_rad = _steady_wheel_rad(drive, geometry)
     is_slow = drive.speed_mps < LOW_SPEED_MPS
     lateral_mps2 = DEFAULT_CAR.plan_lateral_mps2
@@ -146,11 +156,11 @@ def steering_note(
         if drive.time_s[last] - drive.time_s[first] > SHORT_S
     ]
     if not long:
-        return None
+        return
     worst = (first + int(np.argmax(wheel_rad[first : last + 1])) for first, last in long)
     i = max(worst, key=wheel_rad.__getitem__)
     above = "" if is_slow[i] else f" above {KMH_PER_MPS * LOW_SPEED_MPS:.0f} km/h"
-    return (
+    yield (
         f"scenario {scenario.name!r}: a steady state needs about "
         f"{degrees(wheel_rad[i]):.0f} deg at the steering wheel at s = {drive.s_m[i]:.0f} m "
         f"(radius {1.0 / abs(drive.turn_per_m[i]):.0f} m, "

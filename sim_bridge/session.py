@@ -15,7 +15,7 @@ from rt_controller.realtime.clock import RealtimeClock
 from rt_controller.realtime.scheduling import set_thread_priority
 from rt_controller.settings import BusSettings, CarSettings
 from sim_bridge.adapters.plants import open_plant
-from sim_bridge.bridge import DEFAULT_DELAY, Bridge, Delay
+from sim_bridge.bridge import Bridge, Delay
 from sim_bridge.car import Car
 from sim_bridge.plant.parts import Payload
 from sim_bridge.plant.protocol import Plant, require_plant
@@ -64,7 +64,7 @@ class BridgeSession:
         """
         bridge = self.bridge
         bridge.tick(now_ns)
-        if bridge.time_s > bridge.scenario.duration_s + LONGEST_STOP_S:
+        if bridge.run.time_s > bridge.scenario.duration_s + LONGEST_STOP_S:
             raise PlantError(
                 f"Expected a car at rest within {LONGEST_STOP_S:g} s after the end of the "
                 f"scenario, found {bridge.summary().final_speed_mps:.2g} m/s with the brake of a "
@@ -135,11 +135,10 @@ def build_car(scenario: Scenario, choice: CarSettings | Plant = OWN_CAR) -> Car:
         PlantError: the plant raised an exception in its reset or first step.
     """
     plant, start = choice, scenario.start
+    ground = scenario.road_at(start.s_m, 0.0)
     if isinstance(plant, CarSettings):
-        friction = scenario.road.friction_left.at(start.s_m)
-        ground = scenario.road_at(start.s_m, 0.0)
         payload = Payload(*(value for _, value in scenario.payload))
-        plant = open_plant(plant, friction, payload, ground)
+        plant = open_plant(plant, ground, payload)
     else:
         require_plant(plant)
     with ExitStack() as opened:
@@ -147,14 +146,14 @@ def build_car(scenario: Scenario, choice: CarSettings | Plant = OWN_CAR) -> Car:
         require_road(plant, scenario)
         car = Car(plant, start.speed_mps)
         # One period for nothing: what is loaded at first use is loaded here and not in the loop.
-        car.set_road(scenario.road_at(start.s_m, 0.0))
+        car.set_road(ground)
         car.advance(NEUTRAL_INPUT, scenario.road.curvature_per_m)
         if plant.failure is not None:
             raise ConfigError(
                 f"Expected a plant that drives a first control period, found a failure of "
                 f"{plant.failure}. Correct the plant or its mapping."
             )
-        settle(car, start, scenario.road_at(start.s_m, 0.0))
+        settle(car, start, ground)
         opened.pop_all()
     return car
 
@@ -181,8 +180,8 @@ def open_session(
         BusError: the bus cannot be opened.
     """
     manoeuvre = load_scenario(scenario) if isinstance(scenario, str) else scenario
-    if isinstance(plant, CarSettings):
-        manoeuvre = manoeuvre.with_friction(plant.friction, plant.friction_right)
+    settings = plant if isinstance(plant, CarSettings) else OWN_CAR
+    manoeuvre = manoeuvre.with_friction(settings.friction, settings.friction_right)
     if faults is not None:
         manoeuvre = add_faults(manoeuvre, faults)
     car = build_car(manoeuvre, plant)
@@ -200,8 +199,6 @@ def open_session(
             opened.callback(close_bus, below)
             bus = ForeignBus(below, foreign, lambda: car.s_m)
         opened.pop_all()
-    delay = DEFAULT_DELAY
-    if isinstance(plant, CarSettings):
-        delay = Delay(plant.transport_delay, plant.actuation_delay)
+    delay = Delay(settings.transport_delay, settings.actuation_delay)
     bridge = Bridge(bus, car, manoeuvre, recorder, delay, has_checks)
     return BridgeSession(bus, bridge)

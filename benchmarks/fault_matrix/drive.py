@@ -67,20 +67,20 @@ class _Observer:
                 self.tick(self._now_ns + PERIOD_NS)
 
     def _note(self) -> None:
-        bridge, session, truth = self._bridge, self.session, self._bridge.truth
-        if bridge.is_mission_over:
+        bridge, session, run = self._bridge, self.session, self._bridge.run
+        if run.end_ticks > 0:
             return
         result = session.record.result if session is not None and session.is_joined else None
         self.periods.append(
             Observed(
                 mode=None if result is None else result.mode,
-                has_fault_bit=bool(result and result.faults) or truth.has_refused,
-                is_vehicle_braking=truth.is_vehicle_braking,
+                has_fault_bit=bool(result and result.faults) or bridge.has_refused,
+                is_vehicle_braking=bridge.is_braking,
                 is_driven=not bridge.is_waiting,
-                is_faulty=any(each.acts(bridge.driven_ticks) for each in self._faults),
-                ey_m=truth.ey_error_m,
-                speed_mps=truth.speed_mps,
-                wanted_mps=truth.wanted_mps,
+                is_faulty=any(each.acts(run.ticks) for each in self._faults),
+                ey_m=run.ey_error_m,
+                speed_mps=run.speed_mps,
+                wanted_mps=run.path.v_mps,
             )
         )
 
@@ -123,7 +123,7 @@ def _drive(
         with closing(ControllerSession(bus, config, bundle, mpc, clock, checks=checks)) as session:
             observer.session = session
             session.start(None, False, _HANDSHAKE_S).join()
-            if not car.bridge.is_mission_over:
+            if car.bridge.run.end_ticks == 0:
                 observer.go_on_alone()
     error, failure = session.failure, observer.failure
     if failure is None and error and not isinstance(error, RtControllerError):

@@ -89,7 +89,7 @@ def steering_geometry() -> SteeringGeometry:
     """Of the car that drives the episodes."""
     body, steering = default_car().body, default_car().steering
     return SteeringGeometry(
-        wheelbase_m=body.front_axle_m + body.rear_axle_m,
+        wheelbase_m=body.wheelbase_m,
         rear_axle_m=body.rear_axle_m,
         steering_ratio=steering.ratio,
         lock_rad=steering.lock_rad,

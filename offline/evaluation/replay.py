@@ -16,11 +16,11 @@ from scipy.ndimage import binary_erosion, gaussian_filter1d
 from offline.logs.recorded_drive import PERIOD_S, RecordedDrive
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.signals import GRAVITY_MPS2, ControlInput
-from sim_bridge.plant.car_record import car_record
 from sim_bridge.plant.library import (
     N_OUTPUTS,
     STEP_S,
     advance,
+    car_record,
     settle,
     steady_pressures_mpa,
     write_outputs,

@@ -15,7 +15,7 @@ class ConeAt(NamedTuple):
 
 
 class LaneAt(NamedTuple):
-    """A section between cones that the car has to stay in."""
+    """A section that no part of the body may leave."""
 
     start_m: float
     end_m: float

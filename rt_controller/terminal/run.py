@@ -31,11 +31,9 @@ from rt_controller.settings import CAR_PRIORITY
 from rt_controller.simulation import (
     car_error,
     driven_scenario,
-    grip_note,
     named_scenario,
     open_virtual_car,
-    steering_note,
-    training_note,
+    scenario_notes,
 )
 from rt_controller.terminal.command_line import print_error
 from rt_controller.terminal.entry import INTERRUPTED
@@ -103,11 +101,8 @@ def run_at_terminal(options: "RunOptions") -> int:
                     )
                 clock = LockstepClock(car.tick) if options.is_lockstep else clock
                 known = choose_low_speed_car(bundle, options.low_speed)
-                steering = steering_note(car, known.geometry, known.model_rad)
-                grip, training = grip_note(car, options.friction), training_note(car, bundle)
-                for note in (steering, grip, training):
-                    if note is not None:
-                        show(f"note: {note}", options.quiet)
+                for note in scenario_notes(car, options.friction, bundle, known):
+                    show(f"note: {note}", options.quiet)
             log = None if options.check else options.record
             session = ControllerSession(
                 options, options, bundle, mpc, clock, log, options.overwrite

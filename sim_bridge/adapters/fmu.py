@@ -114,10 +114,10 @@ class FmuPlant:
         self._values: dict[str, float] = {}
         self._step_s = described.communication_step_s
         self._steps, self._period_start_s = 0, 0.0
-        # Of the last period; what the FMU's inputs are; motion at the last two points.
+        # Of the last period; what the FMU's inputs are.
         self._input = self._written = NEUTRAL_INPUT
-        self._last = np.zeros((2, len(MOTION_FIELDS)))
-        self._motion = np.empty((0, len(MOTION_FIELDS)))
+        self._points: list[tuple[float, ...]] = []
+        """time and motion of the last two communication points, and of those of this period"""
 
     def reset(self, v0_mps: float) -> Array:
         """(vx_mps, vy_mps, yaw_rate_radps) of a new instance.
@@ -145,7 +145,7 @@ class FmuPlant:
                 f"Name the parameter for its initial speed as start.vx_mps in the mapping file, "
                 f"correct [parameters], or choose a scenario with the FMU's own speed."
             )
-        self._last[:] = start
+        self._points = [(0.0, *start)]
         return start
 
     def set_road(self, road: RoadAt) -> None:
@@ -157,18 +157,20 @@ class FmuPlant:
         n_points = round(dt_s / self._step_s)
         if n_points < 1 or abs(n_points * self._step_s - dt_s) > _TOLERANCE * self._step_s:
             n_points = max(1, round(dt_s / STEP_S))
-        if n_points != self._motion.shape[0]:
-            self._motion = np.empty((n_points, len(MOTION_FIELDS)))
         if self._fmu is None:
             self._fail("it was closed")
         elif self.failure is None:
             try:
-                self._advance(control, n_points, dt_s)
+                self._advance(control, self._period_start_s + dt_s)
             except Exception as error:  # the FMUs of each tool fail differently
                 self._fail(self._explain(error))
         if self.failure is not None:
-            self._motion[:] = nan
-        return self._motion
+            return np.full((n_points, len(MOTION_FIELDS)), nan)
+        times_s = self._period_start_s + np.arange(1, n_points + 1) * (dt_s / n_points)
+        self._period_start_s += dt_s
+        point_s, *motion = np.array(self._points).T
+        self._points = self._points[-2:]
+        return np.column_stack([np.interp(times_s, point_s, values) for values in motion])
 
     def outputs(self) -> PlantOutputs:
         """Values at the end of the last step; NaN where the mapping names no variable."""
@@ -203,36 +205,31 @@ class FmuPlant:
         self._read(self._moving)
         self._read(self._others)
 
-    def _advance(self, control: ControlInput, n_points: int, dt_s: float) -> None:
+    def _advance(self, control: ControlInput, end_s: float) -> None:
+        """Step the FMU up to the end of the period, or beyond it."""
         step_s, slack_s = self._step_s, _TOLERANCE * self._step_s
-        for i in range(n_points):
-            time_s = self._period_start_s + (i + 1) * dt_s / n_points
-            while (fmu_s := self._steps * step_s) < time_s - slack_s:
-                if self._road is not None:
-                    self._write(self._road_links, self._road._asdict())
-                    self._road = None
-                # A step that begins before this period begins with the input of the last one.
-                valid = self._input if fmu_s < self._period_start_s - slack_s else control
-                if valid != self._written:
-                    self._written = valid
-                    self._write(self._inputs, valid._asdict())
-                # FMI 3 answers with (event needed, is over, is early, time), FMI 2 with nothing.
-                answer = self._fmu.doStep(fmu_s, step_s)
-                if not self._is_fmi2 and (answer[1] or answer[2]):
-                    self._fail("it ended the simulation")
+        while (fmu_s := self._steps * step_s) < end_s - slack_s:
+            if self._road is not None:
+                self._write(self._road_links, self._road._asdict())
+                self._road = None
+            # A step that begins before this period begins with the input of the last one.
+            valid = self._input if fmu_s < self._period_start_s - slack_s else control
+            if valid != self._written:
+                self._written = valid
+                self._write(self._inputs, valid._asdict())
+            # FMI 3 answers with (event needed, is over, is early, time), FMI 2 with nothing.
+            answer = self._fmu.doStep(fmu_s, step_s)
+            if not self._is_fmi2 and (answer[1] or answer[2]):
+                self._fail("it ended the simulation")
+                return
+            self._steps += 1
+            self._read(self._moving)
+            motion = [self._values[field] for field in MOTION_FIELDS]
+            self._points.append((self._steps * step_s, *motion))
+            for field, value in zip(MOTION_FIELDS, motion, strict=True):
+                if not isfinite(value):
+                    self._fail(f"{field} is {value}")
                     return
-                self._steps += 1
-                self._read(self._moving)
-                self._last[0] = self._last[1]
-                self._last[1] = [self._values[field] for field in MOTION_FIELDS]
-                for field in MOTION_FIELDS:
-                    if not isfinite(self._values[field]):
-                        self._fail(f"{field} is {self._values[field]}")
-                        return
-            behind_s = fmu_s - time_s
-            share = behind_s / step_s if behind_s > slack_s else 0.0
-            self._motion[i] = self._last[1] - share * (self._last[1] - self._last[0])
-        self._period_start_s += dt_s
         self._input = control
         self._read(self._others)
 

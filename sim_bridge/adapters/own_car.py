@@ -6,12 +6,13 @@ import numpy as np
 
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.signals import NEUTRAL_INPUT, ControlInput
-from sim_bridge.plant.car_record import car_record, set_road
 from sim_bridge.plant.library import (
     N_OUTPUTS,
     STEP_S,
     STEPS_PER_PERIOD,
     advance,
+    car_record,
+    set_road,
     settle,
     write_outputs,
 )

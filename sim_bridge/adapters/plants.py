@@ -9,19 +9,14 @@ from sim_bridge.plant.parts import NO_PAYLOAD, Payload
 from sim_bridge.plant.protocol import Plant, RoadAt
 
 
-def open_plant(
-    settings: CarSettings,
-    road_friction: float,
-    payload: Payload = NO_PAYLOAD,
-    start: RoadAt | None = None,
-) -> Plant:
+def open_plant(settings: CarSettings, start: RoadAt, payload: Payload = NO_PAYLOAD) -> Plant:
     """The chosen plant; its options are checked, it has not been reset.
 
     Args:
         settings: the choice.
-        road_friction: of the scenario; 1 is the road of the tyre test.
+        start: ground and air of the scenario on which the own car settles in a reset; the other
+            plants have its friction under the left wheels, or that of the settings.
         payload: of the scenario; only the own car takes one.
-        start: ground and air on which the own car settles in a reset; None: level, without wind.
 
     Raises:
         MissingExtraError: its optional dependencies are not installed.
@@ -46,7 +41,7 @@ def open_plant(
             f"payload: expected --plant {OWN} for a scenario with a payload, found --plant "
             f"{settings.plant}. Leave the payload out of the scenario."
         )
-    friction = road_friction if settings.friction is None else settings.friction
+    friction = start.friction_left if settings.friction is None else settings.friction
     if kind == FMU:
         from sim_bridge.adapters.fmu import FmuPlant
 
@@ -78,6 +73,4 @@ def open_plant(
 
     car = settings.car or DEFAULT_CAR
     parameters = cars.with_payload(cars.load_parameters(car), payload)
-    if start is not None:
-        return OwnCar(cars.with_road(parameters, ground_at(start)), car)
-    return OwnCar(cars.with_road_friction(parameters, friction, settings.friction_right), car)
+    return OwnCar(cars.with_road(parameters, ground_at(start)), car)

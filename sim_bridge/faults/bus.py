@@ -19,8 +19,7 @@ from sim_bridge.faults.effects import (
     read_values,
     write_values,
 )
-from sim_bridge.faults.fault import Fault
-from sim_bridge.faults.kinds import FRAME_KINDS, JITTER, ORDER, THIRD_PARTICIPANT
+from sim_bridge.faults.fault import FRAME_KINDS, JITTER, ORDER, THIRD_PARTICIPANT, Fault
 from sim_bridge.faults.names import ACTUATOR
 
 _CODEC_OF_ID = {codec.arbitration_id: codec for codec in CODECS.values()}

@@ -11,8 +11,7 @@ from rt_controller.bus.codec import LARGEST_FLAGS, FrameCodec
 from rt_controller.bus.codec import VALID as IS_VALID
 from rt_controller.bus.messages import CATALOGUE, Node
 from rt_controller.contract.timing import PERIOD_S
-from sim_bridge.faults.fault import Fault
-from sim_bridge.faults.kinds import Sample
+from sim_bridge.faults.fault import Fault, Sample
 from sim_bridge.faults.names import FRAMES, SIGNALS, VALID
 
 CODECS = {codec.name: codec for message in CATALOGUE.messages for codec in message.codecs}

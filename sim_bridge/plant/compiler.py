@@ -23,11 +23,13 @@ FLAGS = ("-std=c99", "-O2", "-fPIC", "-shared", "-fvisibility=hidden", "-ffp-con
 SOURCES = Path(__file__).with_name("c")
 BUILT = Path(__file__).with_name("built")
 """where the compiled car is, in an installation and in a checkout"""
-_RECORDS = ("parts.py", "tyre_file.py", "parameters.py")
+_RECORDS = ("parts.py", "tyre_file.py", "parameters.py", "states.py", "protocol.py")
 """files whose named tuples `…Parameters` are the numbers of a car"""
+_STRUCTS = {"StateIndex": "State", "PlantOutputs": "Outputs"}
+"""by the other named tuples that the compiler gets"""
 _ARRAYS = {"Ratios": "[N_GEARS]", "Efficiencies": "[N_GEARS]", "MapTorques": "[N_MAP][N_MAP]"}
 _OF_FILE = {"_FromTyreFile": "TyreFileParameters"}
-_ARRAYS |= dict.fromkeys(("MapSpeeds", "MapPedals"), "[N_MAP]")
+_ARRAYS |= {"MapSpeeds": "[N_MAP]", "MapPedals": "[N_MAP]", "PerWheel": "[N_WHEELS]"}
 _NAMES = ("cc", "gcc", "clang")
 _TIMEOUT_S = 300.0
 
@@ -57,24 +59,28 @@ def find_compiler() -> list[str]:
     )
 
 
-def parameters_header() -> str:
-    """`parameters.h`: the named tuples of a car as structs of doubles, fields in their order.
+def records_header() -> str:
+    """`records.h`: the named tuples of a car as structs of doubles, fields in their order.
 
-    So the record that `car_record` makes is passed to C as it is.
+    So the record that `car_record` makes is passed to C as it is. Four fields of the wheels in
+    their order, such as `load_front_left_n`, are one array, `load_n`.
     """
     texts = (Path(__file__).with_name(name).read_text("utf-8") for name in _RECORDS)
     nodes = (node for text in texts for node in ast.parse(text).body)
     lines = ["/* Made from the named tuples of sim_bridge/plant. */", "#pragma once"]
-    lines += ["#define N_MAP 8", "#define N_GEARS 6"]
+    lines += ["#define N_MAP 8", "#define N_GEARS 6", "#define N_WHEELS 4"]
     for name, fields in map(_record, nodes):
-        if not name.endswith("Parameters"):
+        if not name.endswith("Parameters") and name not in _STRUCTS:
             continue
         lines.append("typedef struct {")
         for field, annotation in fields:
+            if "_front_right_" in field or "_rear_left_" in field or "_rear_right_" in field:
+                continue
             kind = _OF_FILE.get(annotation, annotation).removeprefix("parts.")
-            is_part = kind.endswith("Parameters")
-            lines.append(f"{kind if is_part else 'double'} {field}{_ARRAYS.get(kind, '')};")
-        lines.append(f"}} {name};")
+            size = _ARRAYS.get("PerWheel" if "_front_left_" in field else kind, "")
+            c_type = kind if kind.endswith("Parameters") else "double"
+            lines.append(f"{c_type} {field.replace('_front_left_', '_')}{size};")
+        lines.append(f"}} {_STRUCTS.get(name, name)};")
     return "\n".join((*lines, ""))
 
 
@@ -122,7 +128,7 @@ def compile_library(files: Sequence[Path], library: Path, headers: Path = SOURCE
 
 def car_library_name() -> str:
     """File name of the car that is compiled from the present sources for this kind of processor."""
-    digest = hashlib.sha256(f"{FLAGS} {parameters_header()}".encode())
+    digest = hashlib.sha256(f"{FLAGS} {records_header()}".encode())
     for file in sorted(SOURCES.iterdir()):
         digest.update(file.read_bytes())
     return f"car-{platform.machine()}-{digest.hexdigest()[:16]}.so"
@@ -139,7 +145,7 @@ def compile_car(folder: Path) -> Path:
     if not library.exists():
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory() as headers:
-            Path(headers, "parameters.h").write_text(parameters_header(), "utf-8")
+            Path(headers, "records.h").write_text(records_header(), "utf-8")
             compile_library(sorted(SOURCES.glob("*.c")), library, Path(headers))
         for other in set(folder.glob(f"car-{platform.machine()}-*.so")) - {library}:
             other.unlink(missing_ok=True)

@@ -60,7 +60,7 @@ def _of_the_body(body: parts.BodyParameters) -> Iterator[str]:
     unsprung_kg = body.unsprung_front_kg + body.unsprung_rear_kg
     parts_kg = body.sprung_mass_kg + unsprung_kg
     sprung_m = body.sprung_front_axle_m + body.sprung_rear_axle_m
-    wheelbase_m = body.front_axle_m + body.rear_axle_m
+    wheelbase_m = body.wheelbase_m
     front_kgm = body.sprung_mass_kg * body.sprung_front_axle_m + body.unsprung_rear_kg * wheelbase_m
     front_axle_m = front_kgm / body.mass_kg
     found = []

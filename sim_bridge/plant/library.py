@@ -5,6 +5,7 @@ since, it is compiled again at the first use.
 """
 
 import ctypes
+from collections.abc import Iterator
 from ctypes import byref, c_char, c_double, c_int, c_void_p
 from functools import cache
 from pathlib import Path
@@ -17,9 +18,9 @@ from rt_controller.contract.errors import MissingExtraError
 from rt_controller.contract.files import user_cache_folder
 from rt_controller.contract.signals import ControlInput
 from rt_controller.contract.timing import PERIOD_S
-from sim_bridge.plant.car_record import car_record
 from sim_bridge.plant.compiler import BUILT, CompileError, car_library_name, compile_car
 from sim_bridge.plant.parameters import Parameters
+from sim_bridge.plant.parts import RoadParameters
 from sim_bridge.plant.protocol import PlantOutputs, require_start_speed
 from sim_bridge.plant.states import N_STATES
 
@@ -27,6 +28,9 @@ STEP_S = 0.001
 """of the integration; with longer steps stiff tyres on light wheels are unstable"""
 STEPS_PER_PERIOD = round(PERIOD_S / STEP_S)
 N_OUTPUTS = len(PlantOutputs._fields)
+_PARTS = [*Parameters.__annotations__.values()]
+_ROAD = sum(len(part._fields) for part in _PARTS[: Parameters._fields.index("road")])
+"""place of its first number"""
 
 
 class _Numbers:
@@ -83,6 +87,24 @@ def _library_file() -> Path:
             problem = str(error)
             break
     raise MissingExtraError(f"The simulated car is not compiled yet: {problem}.")
+
+
+def car_record(parameters: Parameters) -> Array:
+    """(434,) all numbers of the car and its road, in the order of the named tuples."""
+    return np.array([*_numbers(parameters)])
+
+
+def set_road(record: Array, road: RoadParameters) -> None:
+    """Write another road into a record, which takes less time than a new record."""
+    record[_ROAD : _ROAD + len(road)] = road
+
+
+def _numbers(value: Any) -> Iterator[float]:
+    if isinstance(value, tuple):
+        for part in value:
+            yield from _numbers(part)
+    else:
+        yield value
 
 
 def settle(v0_mps: float, p: Parameters) -> Array:
@@ -149,21 +171,6 @@ def simulate(
     outputs = np.empty((n_periods + 1, N_OUTPUTS))
     car_library().car_simulate(*given, record, n_periods, steps_per_period, step_s, motion, outputs)
     return motion, outputs
-
-
-def tyre_force(
-    lateral_slip: float,
-    longitudinal_slip: float,
-    lean_rad: float,
-    load_n: float,
-    road_friction: float,
-    record: Array,
-) -> tuple[float, float, float]:
-    """(forward_n, left_n, aligning_nm) of the road on a left tyre, in the axes of the wheel."""
-    slips, force = (lateral_slip, longitudinal_slip, lean_rad), np.empty(3)
-    car_library().car_tyre_force(*slips, load_n, road_friction, record, force)
-    forward_n, left_n, aligning_nm = force.tolist()
-    return forward_n, left_n, aligning_nm
 
 
 def steady_pressures_mpa(pedal_n: float, record: Array) -> tuple[float, float]:

@@ -2,7 +2,7 @@
 
 Each name ends in its unit, a name without one is a dimensionless number; a pair of front and rear
 values is two fields. The values, each with its source, are in the files under `cars/`. The compiler
-gets these tuples as structs (`parameters_header` in compiler.py).
+gets these tuples as structs (`records_header` in compiler.py).
 """
 
 from typing import Annotated, Any, NamedTuple
@@ -65,6 +65,11 @@ class BodyParameters(NamedTuple):
     unsprung_front_kg: Positive  # both wheels of the axle
     unsprung_rear_kg: Positive
     unsprung_height_m: Positive
+
+    @property
+    def wheelbase_m(self) -> float:
+        """Distance between the axles."""
+        return self.front_axle_m + self.rear_axle_m
 
 
 class SuspensionParameters(NamedTuple):

@@ -8,11 +8,15 @@ The position on the road is not part of this vector, see `sim_bridge.frenet`.
 """
 
 from itertools import accumulate
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
+
+N_WHEELS = 4
+PerWheel = Annotated[int, N_WHEELS]
+"""position of a state that exists once per wheel"""
 
 
 class StateIndex(NamedTuple):
-    """Positions in the state vector."""
+    """Positions in the state vector; the compiler gets it as struct `State`."""
 
     vx_mps: int  # velocity of the centre of gravity of the whole car, body axes
     vy_mps: int
@@ -23,12 +27,12 @@ class StateIndex(NamedTuple):
     roll_rate_radps: int
     pitch_rad: int
     pitch_rate_radps: int
-    rise_m: int  # four wheels: rise above the position at rest
-    rise_rate_mps: int  # four wheels
-    spin_radps: int  # four wheels: rotational speed
-    lateral_slip: int
-    """four wheels: lagged tangent of the slip angle, positive if the force points left"""
-    longitudinal_slip: int  # four wheels: lagged slip ratio, positive if the wheel drives
+    rise_m: PerWheel  # rise above the position at rest
+    rise_rate_mps: PerWheel
+    spin_radps: PerWheel  # rotational speed
+    lateral_slip: PerWheel
+    """lagged tangent of the slip angle, positive if the force points left"""
+    longitudinal_slip: PerWheel  # lagged slip ratio, positive if the wheel drives
     road_wheel_rad: int
     """front road-wheel angle at the steering, without roll steer and give of the bushings"""
     road_wheel_rate_radps: int
@@ -37,9 +41,9 @@ class StateIndex(NamedTuple):
     rear_compliance_rad: int
     contact_twist_rad: int  # twist of the contact patches of the front tyres against the ground
     throttle: int  # throttle opening after the actuator lag
-    brake_mpa: int  # four wheels: brake pressure before the anti-lock valves
-    brake_release: int
-    """four wheels: share of the pressure that the anti-lock system takes away, 0..1"""
+    brake_mpa: PerWheel  # brake pressure before the anti-lock valves
+    brake_release: PerWheel
+    """share of the pressure that the anti-lock system takes away, 0..1"""
     torque_cut: int  # share of the drive torque that the traction control takes away, 0..1
     engine_radps: int
     turbine_radps: int  # turbine of the converter, with the gear sets behind it; an electric motor
@@ -49,19 +53,6 @@ class StateIndex(NamedTuple):
     since_shift_s: int
 
 
-N_WHEELS = 4
-N_FRONT = 2
-"""number of front wheels; they come first"""
-WHEEL_STATES = (
-    "rise_m",
-    "rise_rate_mps",
-    "spin_radps",
-    "lateral_slip",
-    "longitudinal_slip",
-    "brake_mpa",
-    "brake_release",
-)
-"""states that exist once per wheel"""
-_SIZES = [N_WHEELS if name in WHEEL_STATES else 1 for name in StateIndex._fields]
+_SIZES = [N_WHEELS if kind == PerWheel else 1 for kind in StateIndex.__annotations__.values()]
 *_POSITIONS, N_STATES = accumulate(_SIZES, initial=0)
 AT = StateIndex(*_POSITIONS)

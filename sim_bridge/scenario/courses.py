@@ -19,6 +19,7 @@ import numpy as np
 from pydantic import Field
 
 from rt_controller.contract.arrays import Array
+from rt_controller.drive.scenario import ConeAt, LaneAt
 from sim_bridge.scenario.lateral import Lateral
 from sim_bridge.scenario.table import Interpolation, Table, through
 from sim_bridge.toml_file import FileTable, Number
@@ -50,30 +51,13 @@ class Body(FileTable):
     """from the centre of gravity to the rear end"""
 
 
-class Cone(NamedTuple):
-    """A cone on the road."""
-
-    s_m: float
-    ey_m: float
-
-
-class Lane(NamedTuple):
-    """A section that no part of the body may leave."""
-
-    start_m: float
-    end_m: float
-    right_m: float
-    """lateral position of its right edge"""
-    left_m: float
-
-
 @dataclass(frozen=True, slots=True)
 class Course:
     """Cones and lanes of a manoeuvre."""
 
     body: Body = field(default_factory=Body)
-    cones: tuple[Cone, ...] = ()
-    lanes: tuple[Lane, ...] = ()
+    cones: tuple[ConeAt, ...] = ()
+    lanes: tuple[LaneAt, ...] = ()
 
 
 class Poses(NamedTuple):
@@ -134,7 +118,7 @@ def _corners(body: Body, poses: Poses) -> Iterator[tuple[Array, Array]]:
             yield s_m, (1.0 - np.hypot(kappa * along, gap)) / kappa
 
 
-def _seen_from_body(cone: Cone, poses: Poses) -> tuple[Array, Array]:
+def _seen_from_body(cone: ConeAt, poses: Poses) -> tuple[Array, Array]:
     """(forward, left) distance of a cone from the centre of gravity, in axes of the body."""
     kappa = _not_straight(poses.curvature_per_m)
     turn = kappa * (cone.s_m - poses.s_m)
@@ -183,7 +167,7 @@ class Slalom(FileTable):
         ey_m = amplitude_m * np.cos(pi * s_m / spacing_m)
         x = [self.start_s_m, *(first_m + s_m).tolist(), first_m + (cones + 0.5) * spacing_m]
         path = through(x, [0.0, *ey_m.tolist(), 0.0], Interpolation.SPLINE)
-        placed = tuple(Cone(first_m + k * spacing_m, 0.0) for k in range(cones))
+        placed = tuple(ConeAt(first_m + k * spacing_m, 0.0) for k in range(cones))
         return Course(body, placed), Lateral(path)
 
 
@@ -221,25 +205,25 @@ class IsoLaneChange(FileTable):
         for length_m, *lane in sections:  # right edge from that of the first lane, and width
             if lane:
                 right_m = lane[0] - 0.5 * first_m
-                lanes.append(Lane(at_m, at_m + length_m, right_m, right_m + lane[1]))
+                lanes.append(LaneAt(at_m, at_m + length_m, right_m, right_m + lane[1]))
             at_m += length_m
         cones = {cone for each in lanes for cone in _cones_of(each)}
         course = Course(body, tuple(sorted(cones)), tuple(lanes))
         return course, Lateral(smoothest_path(course.lanes, body, self.clearance_m))
 
 
-def _cones_of(lane: Lane) -> list[Cone]:
+def _cones_of(lane: LaneAt) -> list[ConeAt]:
     """Cones on both edges; their bases touch the lane from outside."""
     count = ceil((lane.end_m - lane.start_m) / CONE_SPACING_M - 1e-9) + 1
     return [
-        Cone(float(s_m), ey_m)
+        ConeAt(float(s_m), ey_m)
         for s_m in np.linspace(lane.start_m, lane.end_m, count)
         for ey_m in (lane.right_m - CONE_RADIUS_M, lane.left_m + CONE_RADIUS_M)
     ]
 
 
 @lru_cache(maxsize=4)
-def smoothest_path(lanes: tuple[Lane, ...], body: Body, clearance_m: float) -> Table:
+def smoothest_path(lanes: tuple[LaneAt, ...], body: Body, clearance_m: float) -> Table:
     """The path of least curvature: position of the centre of gravity over arc length.
 
     It starts on e_y = 0 and ends in the middle of the last lane, straight before and after. It is

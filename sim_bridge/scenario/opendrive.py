@@ -21,6 +21,7 @@ from numpy.polynomial import polynomial
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.files import open_regular
+from rt_controller.mapping.units import require_unit
 from sim_bridge.scenario.limits import LONGEST_ROAD_M
 from sim_bridge.scenario.table import Ramp, Table, chained, joined
 
@@ -35,7 +36,7 @@ LARGEST_GAP_M, LARGEST_TURN_RAD = 0.5, 0.05
 _LENGTH_TOLERANCE = 0.05
 """of the length of a polynomial against the one that the file names"""
 _NO_LIMIT = ("no limit", "undefined")
-_MPS_PER_UNIT = {"m/s": 1.0, "km/h": 1.0 / 3.6, "mph": 0.44704}
+_MPS_PER_UNIT = {name: require_unit(name, "speed").factor for name in ("m/s", "km/h", "mph")}
 _CURVATURES = {
     "line": ("", ""),
     "arc": ("curvature", "curvature"),

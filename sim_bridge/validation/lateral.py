@@ -9,6 +9,7 @@ import numpy as np
 
 from rt_controller.contract.signals import GRAVITY_MPS2
 from sim_bridge.plant.parameters import Parameters, with_road_friction
+from sim_bridge.scenario.metrics import peak
 from sim_bridge.validation.driver_model import (
     DRIVER_PERIOD_S,
     PreviewDriver,
@@ -22,11 +23,9 @@ from sim_bridge.validation.run import (
     input_table,
     replay,
     run_driver,
-    wheelbase_m,
 )
 from sim_bridge.validation.signal_metrics import (
     crossing,
-    peak,
     sine_in,
     slope,
     step_response,
@@ -43,7 +42,7 @@ def slow_steer(car: Parameters) -> Measured:
     v0_mps = 80.0 * PER_KMH
     run = steer_open_loop(car, v0_mps, lambda time_s: radians(2.0) * time_s, 55.0, 0.025)
     linear = (run.lateral_g > 0.02) & (run.lateral_g < 0.3)
-    turn_degpg = np.degrees(wheelbase_m(car) * GRAVITY_MPS2 / v0_mps**2)
+    turn_degpg = np.degrees(car.body.wheelbase_m * GRAVITY_MPS2 / v0_mps**2)
     effort_degpg = slope(run.lateral_g, run.steer_deg, linear)
     road_wheel_deg = np.degrees(run.column("road_wheel_rad"))
     left, right = run.loads_n[:, ::2], run.loads_n[:, 1::2]

@@ -6,6 +6,7 @@ import numpy as np
 
 from rt_controller.contract.signals import GRAVITY_MPS2, ControlInput
 from sim_bridge.plant.parameters import Parameters, with_road_friction
+from sim_bridge.scenario.metrics import peak
 from sim_bridge.validation.driver_model import SpeedControl
 from sim_bridge.validation.run import (
     PER_KMH,
@@ -16,12 +17,10 @@ from sim_bridge.validation.run import (
     input_table,
     replay,
     run_driver,
-    wheelbase_m,
 )
 from sim_bridge.validation.signal_metrics import (
     crossing,
     mean_deceleration,
-    peak,
     rear_locked_first,
     reversals,
     slope,
@@ -121,7 +120,7 @@ def _turn(car: Parameters, brake_n: float) -> Run:
     """15 s for a steady turn, then 4 s with steering and brake held and the throttle closed."""
     v0_mps, period_s = 80.0 * PER_KMH, 0.025
     speed = SpeedControl(v0_mps, cruising_throttle(car, v0_mps), period_s)
-    steer_rad = car.steering.ratio * wheelbase_m(car) / 100.0
+    steer_rad = car.steering.ratio * car.body.wheelbase_m / 100.0
 
     def driver(now: Observation) -> ControlInput:
         nonlocal steer_rad
@@ -178,7 +177,7 @@ def _walking_share(car: Parameters, angle_deg: float) -> float:
     """Yaw rate at 1.5 m/s in % of that of a car whose wheels do not slip."""
     steer_rad = radians(angle_deg) * np.minimum(1.0, np.arange(240) / 60)
     run = replay(car, 1.5, input_table(240, steer_rad=steer_rad), 0.025)
-    curvature_per_m = tan(radians(angle_deg) / car.steering.ratio) / wheelbase_m(car)
+    curvature_per_m = tan(radians(angle_deg) / car.steering.ratio) / car.body.wheelbase_m
     speed_mps, _, yaw_rate_radps = run.motion[-1].tolist()
     return 100.0 * yaw_rate_radps / (speed_mps * curvature_per_m) if speed_mps > 0.0 else nan
 

@@ -144,8 +144,3 @@ def cruising_throttle(parameters: Parameters, v0_mps: float) -> float:
     car = OwnCar(parameters)
     car.reset(v0_mps)
     return car.outputs().throttle
-
-
-def wheelbase_m(car: Parameters) -> float:
-    """Distance between the axles."""
-    return car.body.front_axle_m + car.body.rear_axle_m

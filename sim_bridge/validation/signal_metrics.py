@@ -32,11 +32,6 @@ def slope(x: Array, y: Array, among: NDArray[np.bool_]) -> float:
     return float(np.polyfit(x[among], y[among], 1)[0])
 
 
-def peak(y: Array) -> float:
-    """Largest absolute value."""
-    return float(np.max(np.abs(y)))
-
-
 class StepResponse(NamedTuple):
     """Characteristics of the response of a signal to a step."""
 

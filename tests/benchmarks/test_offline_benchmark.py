@@ -13,8 +13,7 @@ from offline.model.losses import draw_times, total_loss
 from offline.model.network import MdkNet
 from offline.model.observables import sizes_of
 from rt_controller.contract.signals import VEHICLE, ControlInput
-from sim_bridge.plant.car_record import car_record
-from sim_bridge.plant.library import STEP_S, STEPS_PER_PERIOD, advance, settle
+from sim_bridge.plant.library import STEP_S, STEPS_PER_PERIOD, advance, car_record, settle
 from sim_bridge.plant.parameters import load_parameters
 from sim_bridge.plant.shipped_cars import shipped_cars
 from sim_bridge.plant.states import AT

@@ -22,7 +22,7 @@ from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.signals import Mode
 from rt_controller.model.bundle import Bundle
 from rt_controller.terminal.command_line import run_command
-from sim_bridge.faults.kinds import KINDS
+from sim_bridge.faults.fault import KINDS
 
 CASES = {case.name: case for case in load_cases()}
 

@@ -8,14 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from rt_controller.drive.scenario import ConeAt, LaneAt
 from sim_bridge.scenario import Scenario, load_scenario, parse_scenario, shipped_scenarios
 from sim_bridge.scenario.courses import (
     CONE_RADIUS_M,
     Body,
-    Cone,
     Course,
     IsoLaneChange,
-    Lane,
     Poses,
     Slalom,
     cone_hits,
@@ -56,12 +55,12 @@ def test_a_cone_is_hit_if_its_base_overlaps_the_body(
     beside_m = 0.5 * BODY.width_m + CONE_RADIUS_M
     # On a bend the front and rear of the body are farther out than its middle.
     inner = 1.0 if curvature >= 0.0 else -1.0
-    course = Course(BODY, (Cone(30.0, inner * (beside_m + gap_m)),))
+    course = Course(BODY, (ConeAt(30.0, inner * (beside_m + gap_m)),))
     assert cone_hits(course, drive_past(0.0, curvature)) == hits
 
 
 def test_the_margin_to_a_lane_is_that_of_the_nearest_corner() -> None:
-    course = Course(BODY, lanes=(Lane(20.0, 40.0, -1.5, 1.2),))
+    course = Course(BODY, lanes=(LaneAt(20.0, 40.0, -1.5, 1.2),))
     assert lane_margin_m(course, drive_past(0.0)) == pytest.approx(0.3)
     turned = lane_margin_m(course, drive_past(0.0, epsi_rad=0.1))
     assert turned == pytest.approx(1.2 - 0.9 * np.cos(0.1) - 2.0 * np.sin(0.1), abs=1e-6)

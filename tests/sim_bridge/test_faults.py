@@ -22,8 +22,7 @@ from rt_controller.settings import BusSettings, CarSettings
 from rt_controller.simulation import open_virtual_car
 from sim_bridge.faults.bus import FaultyBus
 from sim_bridge.faults.effects import CODECS
-from sim_bridge.faults.fault import SHORTHANDS, Fault, FaultFile
-from sim_bridge.faults.kinds import KINDS
+from sim_bridge.faults.fault import KINDS, SHORTHANDS, Fault, FaultFile
 from sim_bridge.faults.names import SignalName
 from sim_bridge.scenario import parse_scenario
 from sim_bridge.scenario.loading import add_faults

@@ -15,12 +15,12 @@ from rt_controller.contract.timing import PERIOD_S
 from sim_bridge import frenet
 from sim_bridge.adapters.own_car import OwnCar
 from sim_bridge.car import Car
-from sim_bridge.plant.car_record import car_record
 from sim_bridge.plant.library import (
     N_OUTPUTS,
     STEP_S,
     STEPS_PER_PERIOD,
     car_library,
+    car_record,
     settle,
     simulate,
 )

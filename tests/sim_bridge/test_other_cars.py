@@ -25,7 +25,6 @@ from sim_bridge.adapters.commonroad import (
     CommonRoadPlant,
     commanded_mps2,
 )
-from sim_bridge.adapters.plants import open_plant
 from sim_bridge.car import Car
 from sim_bridge.scenario import load_scenario
 from sim_bridge.session import build_car
@@ -136,7 +135,7 @@ def test_a_plant_is_refused_before_the_drive_if_it_has_no_friction_or_no_first_p
     mapping = FOREIGN_MAPPING.replace('road_friction = "mu"\n', "")
     fmu = make_foreign_car(tmp_path, "Refused", mapping)
     with pytest.raises(ConfigError, match="`friction`: expected an FMU whose mapping"):
-        open_plant(CarSettings(plant=f"fmu:{fmu}", friction=0.4), 0.85)
+        build_car(load_scenario("straight"), CarSettings(plant=f"fmu:{fmu}", friction=0.4))
     fmu.with_suffix(".toml").write_text(mapping.replace("trailers = 1", "fails_at_s = 0.0"))
     with pytest.raises(ConfigError, match="drives a first control period"):
         build_car(load_scenario("straight"), CarSettings(plant=f"fmu:{fmu}"))

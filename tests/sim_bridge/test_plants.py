@@ -13,6 +13,10 @@ from rt_controller.settings import CarSettings
 from sim_bridge import cli
 from sim_bridge.adapters.own_car import OwnCar
 from sim_bridge.adapters.plants import open_plant
+from sim_bridge.scenario import load_scenario
+from sim_bridge.session import build_car
+
+DRY = load_scenario("straight").road_at(0.0, 0.0)
 
 
 @pytest.mark.parametrize(
@@ -34,7 +38,7 @@ def test_an_option_that_does_not_fit_the_plant_is_refused(
     choice: dict[str, Any], words: str
 ) -> None:
     with pytest.raises(ConfigError) as refused:
-        open_plant(CarSettings(**choice), 0.85)
+        open_plant(CarSettings(**choice), DRY)
     assert words in str(refused.value)
 
 
@@ -45,7 +49,8 @@ def test_friction_of_the_command_line_overrides_the_scenario() -> None:
         (CarSettings(friction_right=0.2), (0.85, 0.2)),
         (CarSettings(friction=0.9, friction_right=0.3), (0.9, 0.3)),
     ):
-        plant = open_plant(choice, 0.85)
+        scenario = load_scenario("straight").with_friction(choice.friction, choice.friction_right)
+        plant = build_car(scenario, choice).plant
         assert isinstance(plant, OwnCar)
         assert tuple(plant.parameters.road[:2]) == wanted
 
@@ -64,7 +69,7 @@ def test_a_missing_extra_is_refused_by_name(
     for name in (module, "vehiclemodels.init_mb"):
         monkeypatch.setitem(sys.modules, name, None)
     with pytest.raises(MissingExtraError) as refused:
-        open_plant(CarSettings(plant=plant), 0.85)
+        open_plant(CarSettings(plant=plant), DRY)
     assert extra in str(refused.value)
 
 

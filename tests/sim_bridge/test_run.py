@@ -16,10 +16,9 @@ import pytest
 from rt_controller.contract.errors import BusError
 from rt_controller.drive.scenario import EXIT_LIMIT, CarFigure
 from rt_controller.terminal.stop_signals import SIGNALS
-from sim_bridge import cli
-from sim_bridge import run as terminal
-from sim_bridge.bridge import BridgeSummary
+from sim_bridge import cli, session
 from sim_bridge.scenario import load_scenario, parse_scenario
+from sim_bridge.summary import BridgeSummary
 
 Run = Callable[..., tuple[int, str, str]]
 NOTHING_DRIVEN = BridgeSummary(0, 20.0, 0.0, 0.0, 0.0, False, False, {}, 0, {}, None)
@@ -64,8 +63,8 @@ class Session:
 def run(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Run:
     """Call the program with a session, in this process; its exit code, stdout and stderr."""
 
-    def call(session: Session, *options: str | Path) -> tuple[int, str, str]:
-        monkeypatch.setattr(terminal, "open_session", lambda *_, **__: session)
+    def call(opened: Session, *options: str | Path) -> tuple[int, str, str]:
+        monkeypatch.setattr(session, "open_session", lambda *_, **__: opened)
         arguments = ("--bus", "local", "--priority", "0", *map(str, options))
         monkeypatch.setattr("sys.argv", ["sim-bridge", *arguments])
         with pytest.raises(SystemExit) as ended:
@@ -84,7 +83,7 @@ def test_signals_while_the_summary_is_written_change_nothing(
             signal.raise_signal(number)
             signal.raise_signal(number)
 
-    monkeypatch.setattr(terminal, "write_figures", signal_and_write)
+    monkeypatch.setattr(cli, "write_figures", signal_and_write)
     assert run(Session(1, NOTHING_DRIVEN))[0] == 0
 
 
@@ -94,7 +93,7 @@ def test_a_bus_that_does_not_open_leaves_neither_the_log_nor_the_process_changed
     def fail(*_: object, **__: object) -> None:
         raise BusError("no such channel")
 
-    monkeypatch.setattr(terminal, "open_session", fail)
+    monkeypatch.setattr(session, "open_session", fail)
     log = tmp_path / "drive.log"
     options = ("--bus", "local", "--priority", "0", "--record", str(log), "--quiet")
     monkeypatch.setattr("sys.argv", ["sim-bridge", *options])

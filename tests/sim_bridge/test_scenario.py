@@ -22,7 +22,7 @@ from sim_bridge.car import Car
 from sim_bridge.plant.parameters import default_car
 from sim_bridge.plant.protocol import RoadAt
 from sim_bridge.scenario import Scenario, load_scenario, parse_scenario
-from sim_bridge.scenario_checks import grip_note, require_road, steering_note, training_note
+from sim_bridge.scenario_checks import notes, require_road
 from sim_bridge.session import build_car
 
 GOOD: dict[str, Any] = {
@@ -307,11 +307,12 @@ def test_the_wind_is_told_in_the_axes_of_the_car(monkeypatch: pytest.MonkeyPatch
 
 def test_too_little_friction_is_noted_with_place_demand_and_grip() -> None:
     bend = on_road({"curvature_per_m": 0.02}, reference={"speed_kmh": 60.0})
-    note = grip_note(bend.with_friction(0.5)) or ""
+    (note,) = notes(bend.with_friction(0.5), True)
     assert "scenario 'x' with this --friction: reference.speed_kmh: expected a lateral" in note
     assert "below the grip of 4.9 m/s^2, found 5.6 m/s^2 at 60 km/h, s = 0.0 m" in note
     assert note.endswith("It is driven all the same.")
-    assert grip_note(bend.with_friction(0.6)) is None
+    assert not list(notes(bend.with_friction(0.5), False))
+    assert not list(notes(bend.with_friction(0.6), True))
 
 
 @pytest.mark.parametrize(
@@ -327,10 +328,10 @@ def test_a_bend_that_needs_too_much_steering_is_noted_and_a_short_peak_is_not(
     radius_m: float, speed_kmh: float, text: str
 ) -> None:
     bend = on_road({"curvature_per_m": -1.0 / radius_m}, reference={"speed_kmh": speed_kmh})
-    note = steering_note(bend)
-    assert text in str(note)
-    assert (note is None) is (text == "")
-    assert steering_note(load_scenario("lane_change_60")) is None
+    found = list(notes(bend, False))
+    assert text in str(found)
+    assert bool(found) is bool(text)
+    assert not list(notes(load_scenario("lane_change_60"), False))
 
 
 @pytest.mark.parametrize(
@@ -364,7 +365,8 @@ def test_a_scenario_that_leaves_the_training_of_the_model_is_named(
     if is_path_exact:
         model = replace(model, movement=Movement(np.zeros((3, 6)), np.zeros(3)))
     scenario = on_road(road, **{"reference": {"speed_kmh": 45.0}, **others})
-    note = training_note(scenario, model)
-    assert text in str(note)
-    assert (note is None) is (text == "")
-    assert training_note(scenario, replace(model, validity=None)) is None
+    found = [note for note in notes(scenario, False, model) if "trained" in note]
+    assert text in str(found)
+    assert bool(found) is bool(text)
+    unknown = replace(model, validity=None)
+    assert "trained" not in str(list(notes(scenario, False, unknown)))

@@ -14,8 +14,7 @@ from made_tyre import TYRE_FILE_TEXT
 
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.errors import ConfigError
-from sim_bridge.plant.car_record import car_record
-from sim_bridge.plant.library import tyre_force
+from sim_bridge.plant.library import car_library, car_record
 from sim_bridge.plant.parameters import default_car, load_parameters
 from sim_bridge.plant.tyre_file import parse_tyre_file
 from sim_bridge.validation.run import input_table, replay
@@ -42,7 +41,9 @@ def force(
     across: float = 0.0, along: float = 0.0, lean: float = 0.0, load_n: float = 4500.0,
     road: float = 1.0, tyre: Array = OWN,
 ) -> Force:  # fmt: skip
-    return Force(*tyre_force(across, along, lean, load_n, road, tyre))
+    found = np.empty(3)
+    car_library().car_tyre_force(across, along, lean, load_n, road, tyre, found)
+    return Force(*found.tolist())
 
 
 def side_n(angle_deg: float, load_n: float = 4500.0, road: float = 1.0, tyre: Array = OWN) -> float:

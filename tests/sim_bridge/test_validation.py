@@ -12,6 +12,7 @@ import pytest
 
 from rt_controller.contract.errors import ConfigError, PlantError
 from rt_controller.report.table import to_markdown
+from sim_bridge.cli import validate
 from sim_bridge.validation.acceptance import (
     TESTS,
     AcceptanceTest,
@@ -21,7 +22,6 @@ from sim_bridge.validation.acceptance import (
     check_line,
     count_sentence,
 )
-from sim_bridge.validation.command import validate
 from sim_bridge.validation.run import Run
 
 NEAR = {"target": 8.5, "width": 0.5}

@@ -16,9 +16,8 @@
 
 #include <math.h>
 
-#include "parameters.h"
+#include "records.h"
 
-#define N_WHEELS 4
 #define N_FRONT 2 /* front wheels; they come first */
 
 #define GRAVITY_MPS2 9.80665
@@ -26,40 +25,8 @@
 #define RPM_OF_RADPS (30.0 / PI)
 #define STEP_S 0.001 /* of the integration; 25 steps in a control period */
 
-/* The state; its memory is a flat array of doubles in this order, as `StateIndex` in Python. The
- * position on the road is not part of it. */
-typedef struct {
-    double vx_mps; /* velocity of the centre of gravity of the whole car, body axes */
-    double vy_mps;
-    double yaw_rate_radps;
-    double heave_m; /* rise of the sprung mass above its position at rest */
-    double heave_rate_mps;
-    double roll_rad;
-    double roll_rate_radps;
-    double pitch_rad;
-    double pitch_rate_radps;
-    double rise_m[N_WHEELS]; /* of the wheels above their position at rest */
-    double rise_rate_mps[N_WHEELS];
-    double spin_radps[N_WHEELS];
-    double lateral_slip[N_WHEELS]; /* lagged tangent of the slip angle; positive: to the left */
-    double longitudinal_slip[N_WHEELS]; /* lagged slip ratio; positive: the wheel drives */
-    double road_wheel_rad; /* front wheels at the steering, without roll steer and compliance */
-    double road_wheel_rate_radps;
-    double front_compliance_rad; /* angle of the front wheels from the give of the bushings */
-    double rear_compliance_rad;
-    double contact_twist_rad; /* twist of the front contact patches against the ground */
-    double throttle;          /* opening after the lag of the actuator */
-    double brake_mpa[N_WHEELS];     /* pressure before the anti-lock valves */
-    double brake_release[N_WHEELS]; /* share of it that the anti-lock system takes away, 0..1 */
-    double torque_cut; /* share of the drive torque that the traction control takes away, 0..1 */
-    double engine_radps;
-    double turbine_radps; /* turbine of the converter with the gear sets behind it; or the motor */
-    double wind_up_rad;   /* twist of the drive shafts, at the wheels */
-    double gear;          /* engaged or being engaged, 1..6; changes only between steps */
-    double gear_before;
-    double since_shift_s;
-} State;
-
+/* `State` and `Outputs` are made from `StateIndex` and `PlantOutputs` in Python; their memory is a
+ * flat array of doubles. The position on the road is not part of the state. */
 #define N_STATES (sizeof(State) / sizeof(double))
 
 /* x' = rate - decay x, and dry friction of size `friction` against x. Lags are given as rate and
@@ -98,29 +65,6 @@ typedef struct {
     const double *starts_m;
     const double *coefficients;
 } Curvature;
-
-/* In the order of `PlantOutputs` in Python. */
-typedef struct {
-    double ax_mps2; /* acceleration of the centre of gravity, body axes */
-    double ay_mps2;
-    double sideslip_rad;
-    double roll_rad;
-    double pitch_rad;
-    double gear;
-    double engine_rpm;
-    double throttle;
-    double brake_mpa;      /* of the front left wheel */
-    double road_wheel_rad; /* mean angle of the front wheels with roll steer and compliance */
-    double turbine_rpm;
-    double wind_up_rad;
-    double travel_m[N_WHEELS]; /* of each wheel towards the body */
-    double load_n[N_WHEELS];
-    double spin_radps[N_WHEELS];
-    double accelerometer_forward_mps2; /* fixed to the body, so it reads gravity when it pitches */
-    double accelerometer_left_mps2;
-    double steering_wheel_nm; /* without power assistance, positive to the left */
-    double engine_nm;         /* at the crankshaft, or the shaft of the electric motor */
-} Outputs;
 
 /* One axle, so that both use the same equations. */
 typedef struct {

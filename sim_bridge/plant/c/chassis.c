@@ -14,65 +14,45 @@ static double sprung_front_kg(const BodyParameters *body) {
     return body->sprung_mass_kg * body->sprung_rear_axle_m / wheelbase_m;
 }
 
+/* The axle at one end of the car, `front` or `rear`; `way` is 1 for the end ahead of the centre of
+ * gravity, -1 for the one behind it. */
+#define AXLE_OF(end, way, sprung_kg)                                                   \
+    (Axle) {                                                                           \
+        .ahead_m = (way) * body->end##_axle_m,                                         \
+        .sprung_ahead_m = (way) * body->sprung_##end##_axle_m,                         \
+        .half_track_m = 0.5 * body->track_##end##_m,                                   \
+        .track_m = body->track_##end##_m,                                              \
+        .wheel_kg = 0.5 * body->unsprung_##end##_kg,                                   \
+        .rest_load_n = 0.5 * GRAVITY_MPS2 * ((sprung_kg) + body->unsprung_##end##_kg), \
+        .spring_npm = suspension->spring_##end##_npm,                                  \
+        .bar_nmprad = suspension->bar_##end##_nmprad,                                  \
+        .jounce_nspm = suspension->jounce_##end##_nspm,                                \
+        .rebound_nspm = suspension->rebound_##end##_nspm,                              \
+        .jounce_fast_nspm = suspension->jounce_##end##_fast_nspm,                      \
+        .rebound_fast_nspm = suspension->rebound_##end##_fast_nspm,                    \
+        .damper_knee_mps = suspension->damper_knee_##end##_mps,                        \
+        .stop_gap_m = suspension->stop_gap_##end##_m,                                  \
+        .stop_npm2 = suspension->stop_##end##_npm2,                                    \
+        .roll_centre_m = suspension->roll_centre_##end##_m,                            \
+        .arm_slope = -(way) * suspension->arm_slope_##end,                             \
+        .centre_slope = -(way) * suspension->centre_slope_##end,                       \
+        .roll_steer = suspension->roll_steer_##end,                                    \
+        .lateral_steer_radpn = suspension->lateral_steer_##end##_radpn,                \
+        .aligning_steer_radpnm = suspension->aligning_steer_##end##_radpnm,            \
+        .camber_gain = suspension->camber_gain_##end,                                  \
+        .brake_nm_per_mpa = p->brakes.end##_nm_per_mpa,                                \
+    }
+
 Axle front_axle(const Parameters *p) {
     const BodyParameters *body = &p->body;
     const SuspensionParameters *suspension = &p->suspension;
-    return (Axle){
-        .ahead_m = body->front_axle_m,
-        .sprung_ahead_m = body->sprung_front_axle_m,
-        .half_track_m = 0.5 * body->track_front_m,
-        .track_m = body->track_front_m,
-        .wheel_kg = 0.5 * body->unsprung_front_kg,
-        .rest_load_n = 0.5 * GRAVITY_MPS2 * (sprung_front_kg(body) + body->unsprung_front_kg),
-        .spring_npm = suspension->spring_front_npm,
-        .bar_nmprad = suspension->bar_front_nmprad,
-        .jounce_nspm = suspension->jounce_front_nspm,
-        .rebound_nspm = suspension->rebound_front_nspm,
-        .jounce_fast_nspm = suspension->jounce_front_fast_nspm,
-        .rebound_fast_nspm = suspension->rebound_front_fast_nspm,
-        .damper_knee_mps = suspension->damper_knee_front_mps,
-        .stop_gap_m = suspension->stop_gap_front_m,
-        .stop_npm2 = suspension->stop_front_npm2,
-        .roll_centre_m = suspension->roll_centre_front_m,
-        .arm_slope = -suspension->arm_slope_front,
-        .centre_slope = -suspension->centre_slope_front,
-        .roll_steer = suspension->roll_steer_front,
-        .lateral_steer_radpn = suspension->lateral_steer_front_radpn,
-        .aligning_steer_radpnm = suspension->aligning_steer_front_radpnm,
-        .camber_gain = suspension->camber_gain_front,
-        .brake_nm_per_mpa = p->brakes.front_nm_per_mpa,
-    };
+    return AXLE_OF(front, 1.0, sprung_front_kg(body));
 }
 
 Axle rear_axle(const Parameters *p) {
     const BodyParameters *body = &p->body;
     const SuspensionParameters *suspension = &p->suspension;
-    const double sprung_rear_kg = body->sprung_mass_kg - sprung_front_kg(body);
-    return (Axle){
-        .ahead_m = -body->rear_axle_m,
-        .sprung_ahead_m = -body->sprung_rear_axle_m,
-        .half_track_m = 0.5 * body->track_rear_m,
-        .track_m = body->track_rear_m,
-        .wheel_kg = 0.5 * body->unsprung_rear_kg,
-        .rest_load_n = 0.5 * GRAVITY_MPS2 * (sprung_rear_kg + body->unsprung_rear_kg),
-        .spring_npm = suspension->spring_rear_npm,
-        .bar_nmprad = suspension->bar_rear_nmprad,
-        .jounce_nspm = suspension->jounce_rear_nspm,
-        .rebound_nspm = suspension->rebound_rear_nspm,
-        .jounce_fast_nspm = suspension->jounce_rear_fast_nspm,
-        .rebound_fast_nspm = suspension->rebound_rear_fast_nspm,
-        .damper_knee_mps = suspension->damper_knee_rear_mps,
-        .stop_gap_m = suspension->stop_gap_rear_m,
-        .stop_npm2 = suspension->stop_rear_npm2,
-        .roll_centre_m = suspension->roll_centre_rear_m,
-        .arm_slope = suspension->arm_slope_rear,
-        .centre_slope = suspension->centre_slope_rear,
-        .roll_steer = suspension->roll_steer_rear,
-        .lateral_steer_radpn = suspension->lateral_steer_rear_radpn,
-        .aligning_steer_radpnm = suspension->aligning_steer_rear_radpnm,
-        .camber_gain = suspension->camber_gain_rear,
-        .brake_nm_per_mpa = p->brakes.rear_nm_per_mpa,
-    };
+    return AXLE_OF(rear, -1.0, body->sprung_mass_kg - sprung_front_kg(body));
 }
 
 /* Height of the sprung mass above its roll axis. */

@@ -118,8 +118,7 @@ def replace_car(monkeypatch: pytest.MonkeyPatch) -> None:
     none = DrivenScenario("none", "none", None)
     monkeypatch.setattr(terminal_run, "open_virtual_car", lambda *_, **__: NoCar())
     monkeypatch.setattr(terminal_run, "driven_scenario", lambda _: none)
-    for note in ("steering_note", "training_note"):
-        monkeypatch.setattr(terminal_run, note, lambda *_: None)
+    monkeypatch.setattr(terminal_run, "scenario_notes", lambda *_: ())
 
 
 def end_at_start(monkeypatch: pytest.MonkeyPatch, end: Callable[[ControllerSession], None]) -> None:
