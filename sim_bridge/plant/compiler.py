@@ -68,8 +68,10 @@ def records_header() -> str:
     texts = (Path(__file__).with_name(name).read_text("utf-8") for name in _RECORDS)
     nodes = (node for text in texts for node in ast.parse(text).body)
     lines = ["/* Made from the named tuples of sim_bridge/plant. */", "#pragma once"]
-    lines += ["#define N_MAP 8", "#define N_GEARS 6", "#define N_WHEELS 4"]
     for name, fields in map(_record, nodes):
+        if isinstance(fields, int):
+            lines.append(f"#define {name} {fields}")
+            continue
         if not name.endswith("Parameters") and name not in _STRUCTS:
             continue
         lines.append("typedef struct {")
@@ -84,12 +86,16 @@ def records_header() -> str:
     return "\n".join((*lines, ""))
 
 
-def _record(node: ast.stmt) -> tuple[str, list[tuple[str, str]]]:
-    """Name, and fields with their annotations, of a named tuple; else no name."""
+def _record(node: ast.stmt) -> tuple[str, list[tuple[str, str]] | int]:
+    """Name, and fields with their annotations, of a named tuple; a size `N_…`; else no name."""
     if isinstance(node, ast.ClassDef):
         fields = [each for each in node.body if isinstance(each, ast.AnnAssign)]
         found = [(ast.unparse(each.target), ast.unparse(each.annotation)) for each in fields]
         return node.name, found
+    name = ast.unparse(node.targets[0]) if isinstance(node, ast.Assign) else ""
+    if isinstance(node, ast.Assign) and name.startswith("N_"):
+        is_number = isinstance(node.value, ast.Constant)
+        return (name, int(ast.literal_eval(node.value))) if is_number else ("", [])
     if isinstance(node, ast.Assign) and ast.unparse(node.value).startswith("namedtuple("):
         name, names = (ast.literal_eval(each) for each in node.value.args)  # type: ignore[attr-defined]
         return name, [(each, "Number") for each in names.split()]

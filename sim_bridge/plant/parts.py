@@ -32,14 +32,15 @@ STEEPEST_RAD = 0.7
 """slopes beyond are not roads; the equations hold for small angles of the car against the road"""
 Slope = Annotated[float, _IsNumber, Field(ge=-STEEPEST_RAD, le=STEEPEST_RAD), _HasSource]
 PositiveShare = Annotated[_PositiveShare, _HasSource]
-_PerGear = Field(min_length=6, max_length=6)
+N_GEARS = 6
+_PerGear = Field(min_length=N_GEARS, max_length=N_GEARS)
 Ratios = Annotated[tuple[Annotated[_Finite, Field(gt=0)], ...], _PerGear, _HasSource]
 Efficiencies = Annotated[tuple[_PositiveShare, ...], _PerGear, _HasSource]
 
-N_MAP_SPEEDS = 8
-N_MAP_PEDALS = 8
-_Speeds = Field(min_length=N_MAP_SPEEDS, max_length=N_MAP_SPEEDS)
-_Pedals = Field(min_length=N_MAP_PEDALS, max_length=N_MAP_PEDALS)
+N_MAP = 8
+"""speeds, and pedals, of the map of a motor"""
+_Speeds = Field(min_length=N_MAP, max_length=N_MAP)
+_Pedals = Field(min_length=N_MAP, max_length=N_MAP)
 MapSpeeds = Annotated[tuple[Annotated[_Finite, Field(ge=0)], ...], _Speeds, _HasSource]
 MapPedals = Annotated[tuple[Annotated[_Finite, Field(ge=0, le=1)], ...], _Pedals, _HasSource]
 MapTorques = Annotated[tuple[Annotated[tuple[_Finite, ...], _Speeds], ...], _Pedals, _HasSource]
@@ -281,13 +282,15 @@ class TractionControlParameters(NamedTuple):
     restore_per_s: Positive
 
 
-_NO_SPEEDS = tuple(float(i) for i in range(N_MAP_SPEEDS))
-_NO_PEDALS = tuple(i / (N_MAP_PEDALS - 1.0) for i in range(N_MAP_PEDALS))
-_NO_TORQUES = ((0.0,) * N_MAP_SPEEDS,) * N_MAP_PEDALS
+_NO_SPEEDS = tuple(float(i) for i in range(N_MAP))
+_NO_PEDALS = tuple(i / (N_MAP - 1.0) for i in range(N_MAP))
+_NO_TORQUES = ((0.0,) * N_MAP,) * N_MAP
 NO_ENGINE = EngineParameters(1.0, _NO_SPEEDS, _NO_PEDALS, _NO_TORQUES, 1.0, 1.0, 1.0, 1.0, 1.0)
 NO_MOTOR = MotorParameters(0.0, _NO_SPEEDS, _NO_PEDALS, _NO_TORQUES, 1.0)
 NO_CONVERTER = ConverterParameters(1.0, 1.0, 1.0, 1.0, 1.0)
-ONE_GEAR = GearboxParameters((1.0,) * 6, (1.0,) * 6, 1.0, 0.0, 1.0, 1e9, 1e9, 1e8, 1e8, 1.0)
+ONE_GEAR = GearboxParameters(
+    (1.0,) * N_GEARS, (1.0,) * N_GEARS, 1.0, 0.0, 1.0, 1e9, 1e9, 1e8, 1e8, 1.0
+)
 """always in the first gear: no shaft is faster than these shift speeds"""
 NO_ANTI_LOCK = AntiLockParameters(0.0, 1.0, 1.0, 1.0, 1.0, 1.0)
 NO_TRACTION_CONTROL = TractionControlParameters(0.0, 1.0, 1.0, 1.0)
