@@ -115,13 +115,7 @@ TABLES: dict[str, tuple[str, Callable[[Figures], str]]] = {
     ),
     "speed_and_wheel": _drives(
         "{speed_rms_mps:.2f}, {wheel_rate_rms_degps:.0f}",
-        _rows(
-            lambda row: (
-                not row.has_stop
-                and not row.settled_s
-                and not row.conditions.keys() - {"sensor_noise_seed"}
-            )
-        ),
+        _rows(lambda row: not (row.has_stop or row.settled_s or row.conditions)),
     ),
     "settled_offset": _drives("{ey_settled_mm:.0f}", _rows(lambda row: row.settled_s)),
     "stopping": _drives(_STOP, _rows(lambda row: row.has_stop)),
@@ -130,7 +124,7 @@ TABLES: dict[str, tuple[str, Callable[[Figures], str]]] = {
         for piece, name, head, left_out in (
             ("evaluation", "mse", "model", ()),
             ("evaluation", "mse_ratios", "baseline", tuple(SYMBOLS)),
-            ("evaluation", "mse_sets", "test set", ("number", "geometric_mean_without_ds")),
+            ("evaluation", "mse_sets", "test set", ("number", "ds", "geometric_mean_without_ds")),
             ("fault_matrix", "fault_matrix", "", ()),
             ("false_alarms", "false_alarms", "", ()),
             ("false_alarms", "alarm_margins", "check", ("drives with a false alarm",)),
