@@ -89,11 +89,7 @@ SMALL = {
     "latents": 4,
     "threads": 1,
 }
-WITH_GAINS = {
-    "history_steps": 3,
-    "bilinear_rank": 2,
-    "drift_rank": 1,
-}
+WITH_GAINS = {"history_steps": 3, "bilinear_rank": 2, "drift_rank": 1}
 
 
 @pytest.fixture(scope="session")

@@ -18,13 +18,7 @@ from benchmarks.ablation.training import (
     mean_squared_errors,
     measure_linear_model,
 )
-from benchmarks.ablation.variants import (
-    BUDGET,
-    SHIPPED_FILE,
-    Training,
-    Variant,
-    read_variants,
-)
+from benchmarks.ablation.variants import BUDGET, SHIPPED_FILE, Training, Variant, read_variants
 from offline.baselines.linear import fit_linear
 from offline.config import PRESETS, TrainingConfig
 from offline.data.sampling import open_source

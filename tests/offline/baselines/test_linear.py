@@ -11,12 +11,7 @@ from hypothesis import strategies as st
 from made_drives import SCHEMA, drive, predict, relative_error
 
 from offline.baselines.fitting import best_model, log_error
-from offline.baselines.linear import (
-    LinearPerCurvature,
-    fit_linear,
-    fit_per_curvature,
-    to_bundle,
-)
+from offline.baselines.linear import LinearPerCurvature, fit_linear, fit_per_curvature, to_bundle
 from offline.baselines.road_path import path_states, split_path
 from offline.baselines.scheduled import fit_scheduled, hat_functions
 from offline.config import PAST_STEPS

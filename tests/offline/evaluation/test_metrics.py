@@ -4,13 +4,7 @@ import numpy as np
 import pytest
 from toy_predictors import WithError, made_test_set, made_trajectories, with_random_error
 
-from offline.evaluation.bootstrap import (
-    RESAMPLES,
-    estimate,
-    mean_draws,
-    quantile_draws,
-    tail_draws,
-)
+from offline.evaluation.bootstrap import RESAMPLES, estimate, mean_draws, quantile_draws, tail_draws
 from offline.evaluation.comparison import compare_models
 from offline.evaluation.metrics import (
     MEANS,

@@ -12,12 +12,7 @@ from offline.evaluation import lane_change, page
 from offline.evaluation.comparison import compare_models
 from offline.evaluation.model_card import model_facts, write_card
 from offline.evaluation.series import Series, Slice
-from offline.evaluation.tables import (
-    comparison_tables,
-    headline,
-    mse_table,
-    ratio_table,
-)
+from offline.evaluation.tables import comparison_tables, headline, mse_table, ratio_table
 from offline.model.export_checks import BoxStability, DrivenStability, ExportFigures
 from rt_controller.contract.figures import write_figures
 from rt_controller.contract.signals import VEHICLE, Schema, Signal

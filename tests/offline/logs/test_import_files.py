@@ -48,11 +48,7 @@ def place(tmp_path):
 
 @pytest.mark.parametrize(
     ("file", "begin_s"),
-    [
-        ("can/{}.csv", 1.7e9),
-        ("{drive}_{}.csv", 0.0),
-        ("{drive}/{}-{drive}.csv", 0.0),
-    ],
+    [("can/{}.csv", 1.7e9), ("{drive}_{}.csv", 0.0), ("{drive}/{}-{drive}.csv", 0.0)],
 )
 def test_every_layout_of_files_gives_the_same_numbers_as_a_table(place, file, begin_s):
     for seed in range(3):

@@ -41,11 +41,7 @@ SPEED = '"speed", unit = "m/s"'
         ),
         ({}, '[csv]\ndelimiter = "::"\n', "csv.delimiter: .*found '::'"),
         ({}, "[inputs.more]\nunit = 'N'\n", "inputs.more.column: expected a value, found none"),
-        (
-            {},
-            "[inputs.more]\ncolumn = 'x'\nkeep = [9, 3]\n",
-            r"keep: expected \[low, high\]",
-        ),
+        ({}, "[inputs.more]\ncolumn = 'x'\nkeep = [9, 3]\n", r"keep: expected \[low, high\]"),
         ({}, "[inputs.more]\ncolumn = 'x'\ndelay_s = inf\n", "delay_s: .*found inf"),
         ({SPEED: '"speed", unit = "km/hh"'}, "", r"did you mean.* km/h .*found 'km/hh'"),
         ({SPEED: '"speed", unit = "deg/s"'}, "", "converted to m/s, as in the name, found 'deg/s'"),

@@ -398,11 +398,7 @@ def test_can_signals_have_the_time_stamps_of_their_frames(tmp_path, settings, su
     [
         ("Counter", {}, r"WHEEL\.Counter, OTHER\.Counter"),
         ("yawrate", {}, r"'yawrate'.*Did you mean YawRate"),
-        (
-            "OTHER.Counter",
-            {},
-            r"column OTHER\.Counter: .* no frame of OTHER",
-        ),
+        ("OTHER.Counter", {}, r"column OTHER\.Counter: .* no frame of OTHER"),
         ("Speed", {"channel": 7}, r"on channel 7, found none; other channels have them: 2 \(60\)"),
         ("Speed", None, r"\[can\] dbc"),
     ],
@@ -419,10 +415,7 @@ def test_can_signals_that_are_not_in_the_log_are_refused(
 @pytest.mark.parametrize(
     ("end", "message"),
     [
-        (
-            "(1.010000) can0 100#88\n",
-            "1 frames of MOTION have 1 bytes, the DBC says 8",
-        ),
+        ("(1.010000) can0 100#88\n", "1 frames of MOTION have 1 bytes, the DBC says 8"),
         ("(1.0100", "truncated"),
         ("(1.010000) can0 100#88zz\n", r"a\.log, line 2: expected \(seconds\) channel ID#DATA"),
     ],

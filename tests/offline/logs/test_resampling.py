@@ -7,14 +7,7 @@ import numpy as np
 import pytest
 
 from offline.logs.readers.log import Series
-from offline.logs.series import (
-    LoggedDrive,
-    Stretch,
-    find_stretches,
-    grid,
-    resample,
-    window_mean,
-)
+from offline.logs.series import LoggedDrive, Stretch, find_stretches, grid, resample, window_mean
 from rt_controller.mapping.tables import Sampling
 
 PERIOD_S = 0.025
