@@ -1,6 +1,5 @@
 """Many tasks: every backend gives every result, and a stopped campaign goes on where it was."""
 
-import json
 import socket
 import sys
 from importlib.util import find_spec
@@ -10,7 +9,6 @@ from worker_tasks import die, square
 
 from offline import campaign
 from offline.campaign import Backend, WorkersLostError, run_campaign
-from offline.commands import data
 from rt_controller.contract.errors import ConfigError, MissingExtraError
 
 TASKS = [(str(number), (number,)) for number in range(20)]
@@ -110,17 +108,3 @@ def test_missing_package_is_an_error_with_the_line_that_installs_it(monkeypatch,
 def test_contradictory_options_are_refused(arguments, option):
     with pytest.raises(ConfigError, match=option):
         Backend(*arguments)
-
-
-def test_data_set_has_the_same_bytes_with_every_number_of_processes(tmp_path, monkeypatch):
-    monkeypatch.setattr("offline.data.generate.CHUNK_EPISODES", 2)  # five tasks instead of one
-    hashes = set()
-    for jobs in ("1", "2"):
-        folder, figures = tmp_path / jobs, tmp_path / "figures.json"
-        arguments = ["offline-data", "--episodes", "10", "--data", str(folder), "--jobs", jobs]
-        monkeypatch.setattr(sys, "argv", [*arguments, "--json", str(figures)])
-        with pytest.raises(SystemExit) as exit_info:
-            data.main()
-        assert exit_info.value.code in (0, None)
-        hashes.add(json.loads(figures.read_text())["sha256"])
-    assert len(hashes) == 1

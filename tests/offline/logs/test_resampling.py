@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from offline.logs.readers.log import Series
-from offline.logs.series import LoggedDrive, Stretch, find_stretches, grid, resample, window_mean
+from offline.logs.series import LoggedDrive, Stretch, find_stretches, grid, resample
 from rt_controller.mapping.tables import Sampling
 
 PERIOD_S = 0.025
@@ -78,19 +78,3 @@ def test_samples_beyond_a_gap_do_not_influence_a_stretch():
             held = replace(one, sampling=sampling)
             found = resample(held, stretch, grid(stretch, PERIOD_S), PERIOD_S)
             assert found == pytest.approx(np.full(len(found), value))
-
-
-@pytest.mark.parametrize("is_held", [False, True])
-def test_window_means_equal_a_fine_sum(is_held):
-    rng = np.random.default_rng(1)
-    t = np.cumsum(rng.uniform(0.01, 0.1, 40))
-    values = rng.normal(size=40)
-    low = np.sort(rng.uniform(t[0], t[-2], 15))
-    high = low + 0.08
-    fine = np.linspace(0.0, 1.0, 20001)
-    expected = []
-    for a, b in zip(low, np.minimum(high, t[-1]), strict=True):
-        at = a + (b - a) * fine
-        held = values[np.clip(np.searchsorted(t, at, side="right") - 1, 0, 39)]
-        expected.append(np.mean(held if is_held else np.interp(at, t, values)))
-    assert window_mean(t, values, low, high, is_held) == pytest.approx(expected, abs=1e-3)

@@ -139,10 +139,6 @@ def test_the_horizon_grows_linearly():
     assert horizon_of_step(1500, config, 80) == 44
 
 
-def test_without_a_start_the_horizon_has_all_steps_at_once():
-    assert horizon_of_step(0, a_config(horizon_start=None), STEPS) == STEPS
-
-
 ROLLED, N, GAINS = 5, 4, 6
 saturation = pytest.mark.parametrize("saturates", [False, True])
 
@@ -153,23 +149,6 @@ def arguments(gains: int = GAINS) -> tuple[Tensor, ...]:
     shapes = ((BATCH, N), (N, N), (ROLLED, BATCH, N), (gains, N), (N, gains))
     made = [(0.6 * torch.randn(shape)).requires_grad_() for shape in shapes]
     return (*made, torch.randn(ROLLED, BATCH, gains))
-
-
-@saturation
-def test_a_roll_out_is_the_recursion_written_out(saturates: bool) -> None:
-    psi0, A, forcing, S, columns, factors = (each.detach() for each in arguments())
-    found = roll_out_gains(psi0, A, forcing, S, columns, factors, saturates=saturates)
-    assert found.shape == (ROLLED, BATCH, N)
-    for b in range(BATCH):
-        psi = psi0[b]
-        for k in range(ROLLED):
-            following = A @ psi + forcing[k, b]
-            for i in range(GAINS):
-                share = S[i] @ psi
-                gain = share.tanh() if saturates else share
-                following = following + columns[:, i] * gain * factors[k, b, i]
-            psi = following
-            torch.testing.assert_close(found[k, b], psi, rtol=1e-12, atol=1e-12)
 
 
 @saturation
@@ -225,19 +204,6 @@ def test_a_trajectory_of_weight_two_counts_twice():
         lambda part: total_loss(model, config, part).single_step,
     ):
         assert torch.allclose(of(weighted), torch.stack([of(b) for b in alone]).sum(dim=0) / BATCH)
-
-
-def test_total_loss_is_the_weighted_sum_of_its_terms():
-    config = a_config(weight_single_step=0.7, weight_stability=1.6, decay_operator=0.5)
-    model, batch = a_model(config), a_batch()
-    with torch.no_grad():
-        model.A_rows += 0.1
-    losses = total_loss(model, config, batch, torch.tensor([2, 5]))
-    terms = (losses.single_step, losses.multi_step, losses.stability, losses.regularisation)
-    assert all(term != 0.0 for term in terms)
-    weights = (0.7, 1.0, 1.6, 1e-4)
-    expected = sum(weight * term for weight, term in zip(weights, terms, strict=True))
-    assert torch.isclose(losses.total, expected)
 
 
 @pytest.mark.parametrize("chunk", [1, 2, 10_000])

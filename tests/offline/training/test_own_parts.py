@@ -86,14 +86,6 @@ def test_its_bundle_predicts_like_torch(of_sines, toy_dataset):
     assert np.abs(found - expected).max() < 1e-4 * np.abs(expected).max()
 
 
-def test_a_resumed_run_equals_an_uninterrupted_one(config, toy_dataset, new_run, of_sines):
-    halved, steps = new_run(config), iter(range(100))
-    own = {"encoder": Sines}
-    train(config, toy_dataset, halved, **own, stop_requested=lambda: next(steps) >= 6)
-    train(config, toy_dataset, halved, **own, resume_from=load_checkpoint(halved.last))
-    assert halved.history.read_bytes() == of_sines.history.read_bytes()
-
-
 def perceptron(width, latents):
     """Shapes and names as of the perceptron of the tests."""
     return nn.Sequential(
