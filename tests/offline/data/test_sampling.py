@@ -31,7 +31,6 @@ from offline.data.signals import (
     signal_range,
 )
 from rt_controller.contract.errors import DatasetError
-from rt_controller.contract.limits import INPUT_LIMITS
 from rt_controller.contract.signals import VEHICLE, Signal
 
 HISTORY, SHORT = 3, 12
@@ -290,12 +289,6 @@ def test_only_speed_and_progress_are_centred(train):
     scaling = fit(train)
     assert np.flatnonzero(scaling.x_centre).tolist() == [0, 3]
     assert scaling.x_centre[0] == pytest.approx(train.x[..., 0].mean(), rel=1e-5)
-
-
-def test_the_range_of_the_inputs_of_the_car_is_its_limits_and_that_of_a_road_is_found(train):
-    lowest, highest = signal_range(train, VEHICLE)
-    assert lowest.tolist() == [*INPUT_LIMITS.lower, train.w.min()]
-    assert highest.tolist() == [*INPUT_LIMITS.upper, train.w.max()]
 
 
 @pytest.fixture(scope="module")

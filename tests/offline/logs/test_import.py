@@ -5,8 +5,17 @@ import re
 
 import numpy as np
 import pytest
-from made_import import change_log, columns_of, make_place, run_import
-from made_logs import MAPPING, POSE, make_drive, rounded, write_csv
+from made_logs import (
+    MAPPING,
+    POSE,
+    change_log,
+    columns_of,
+    make_drive,
+    make_place,
+    rounded,
+    run_import,
+    write_csv,
+)
 
 from offline.commands.log_import import import_logs
 from offline.data.dataset import load_dataset

@@ -2,8 +2,7 @@
 
 import numpy as np
 import pytest
-from made_import import change_log, run_import
-from made_logs import MAPPING, make_drive, write_csv
+from made_logs import MAPPING, change_log, make_drive, run_import, write_csv
 
 from offline.data.dataset import load_dataset
 from offline.data.manifest import Imported, read_manifest

@@ -2,7 +2,6 @@
 
 import json
 from dataclasses import replace
-from datetime import datetime
 
 import numpy as np
 import pytest
@@ -16,7 +15,7 @@ from offline.model.bundle_predictor import BundlePredictor
 from offline.model.losses import Losses, state_errors
 from offline.training.export import export_checkpoint
 from offline.training.initial import with_structure_of
-from offline.training.run import create_run, load_checkpoint, restore_model
+from offline.training.run import load_checkpoint, restore_model
 from offline.training.train import train
 from rt_controller.contract.errors import ArtifactError, ConfigError
 
@@ -49,9 +48,8 @@ def test_a_loss_of_ones_own_becomes_smaller(config, toy_dataset, new_run):
 
 
 @pytest.fixture(scope="module")
-def of_sines(config, toy_folder, toy_dataset, tmp_path_factory):
-    base, now = tmp_path_factory.mktemp("sines"), datetime(2026, 1, 2, 3, 4, 5)
-    run = create_run(base, config, toy_folder, toy_dataset.sha256, now)
+def of_sines(config, toy_dataset, new_run):
+    run = new_run(config)
     train(config, toy_dataset, run, encoder=Sines)
     return run
 
@@ -88,9 +86,8 @@ def test_its_bundle_predicts_like_torch(of_sines, toy_dataset):
 
 def perceptron(width, latents):
     """Shapes and names as of the perceptron of the tests."""
-    return nn.Sequential(
-        nn.Linear(width, 8), nn.Tanh(), nn.Linear(8, 8), nn.Tanh(), nn.Linear(8, latents)
-    )
+    layers = nn.Linear(width, 8), nn.Tanh(), nn.Linear(8, 8), nn.Tanh(), nn.Linear(8, latents)
+    return nn.Sequential(*layers)
 
 
 @pytest.mark.parametrize("config", ["paper"], indirect=True)
