@@ -77,19 +77,10 @@ def save(folder: Path, roles: Roles) -> Dataset:
 
 def a_config() -> TrainingConfig:
     """The preset recommended, reduced to the size of a test."""
+    run = {"steps": 100, "learning_rate": 1e-2, "batch": 16, "evaluate_every": 20, "threads": 1}
+    ranks = {"history_steps": 3, "bilinear_rank": 2, "drift_rank": 1}
     return PRESETS["recommended"].model_copy(
-        update={
-            "steps": 100,
-            "learning_rate": 1e-2,
-            "batch": 16,
-            "evaluate_every": 20,
-            "hidden": (8, 8),
-            "latents": 4,
-            "history_steps": 3,
-            "bilinear_rank": 2,
-            "drift_rank": 1,
-            "threads": 1,
-        }
+        update={"hidden": (8, 8), "latents": 4, **run, **ranks}
     )
 
 
