@@ -138,21 +138,6 @@ def test_roads_have_a_curvature_of_the_library_and_errors_of_the_whole_range(
     assert abs(np.corrcoef(anchor.ey_m, anchor.epsi_rad)[0, 1]) < 0.1
 
 
-@pytest.mark.parametrize("windows", ["slices", "all"])
-@pytest.mark.parametrize("mirror", [False, True])
-def test_batches_depend_only_on_the_rng_and_differ_between_draws(
-    toy_dataset, scaling, windows, mirror
-):
-    opened = open_source(a_config(windows, mirror), toy_dataset, scaling)
-    again = open_source(a_config(windows, mirror), toy_dataset, scaling)
-    one, other = rng(4), rng(4)
-    first, second = opened.draw(8, one), opened.draw(8, one)
-    assert equal(first, again.draw(8, other))
-    assert equal(second, again.draw(8, other))
-    assert not equal(first, second)
-    assert not equal(first, opened.draw(8, rng(5)))
-
-
 def test_episodes_without_any_window_are_refused(toy_dataset, scaling):
     few = toy_dataset.recording._replace(first=np.arange(0, len(toy_dataset.recording.x), 60))
     short = replace(toy_dataset, recording=few, part=np.zeros(len(few.first), dtype=np.int8))
@@ -252,17 +237,6 @@ def test_history_at_an_instant_equals_that_of_a_window_starting_there(
     found = batch.at(torch.tensor([t])).past[0]
     assert torch.equal(found, begun_there.at(torch.tensor([0])).past[0])
     assert torch.equal(found, begun_there.memory[:HISTORY].swapaxes(0, 1))
-
-
-@pytest.mark.parametrize("past_steps", [0, HISTORY])
-def test_a_shortened_batch_equals_the_batch_of_shorter_windows(
-    toy_dataset, starts, scaling, past_steps
-):
-    windows = cut_later(toy_dataset, starts, 0)
-    shorter = cut(toy_dataset.recording, starts, VEHICLE, VEHICLE_ROLES, 5)
-    found = show(windows, scaling, past_steps).shorten(5)
-    for one, other in zip(found, show(shorter, scaling, past_steps), strict=True):
-        assert torch.equal(one, other)
 
 
 def fit(trajectories: Trajectories) -> Scaling:
