@@ -277,7 +277,6 @@ def test_diverged_training_is_a_row_of_the_table(tmp_path, ablate):
         (("tiny", "--bilinear-rank", "2"), "--bilinear-rank"),
         (("tiny", "--seed", "3"), "--seed"),
         (("tiny", "--preset", "paper"), "--preset"),
-        (("tiny", "--address", "127.0.0.1:1"), "--address"),
         (("tiny", "--json", "/no-such-folder/figures.json"), "--json"),
     ],
 )

@@ -91,16 +91,3 @@ def test_missing_package_is_an_error_with_the_line_that_installs_it(monkeypatch,
         Backend(name).active(),
     ):
         pytest.fail("it is not installed")
-
-
-@pytest.mark.parametrize(
-    ("arguments", "option"),
-    [
-        (("loky", "127.0.0.1:8786"), "--address"),
-        (("loky", None, 0), "--jobs"),
-        (("loky", None, -2), "--jobs"),
-    ],
-)
-def test_contradictory_options_are_refused(arguments, option):
-    with pytest.raises(ConfigError, match=option):
-        Backend(*arguments)

@@ -295,6 +295,9 @@ REFUSED = [
     (data.main, ("--friction", 0.0, 1.0, "--payload-kg", -1, 5), "--friction.*--payload-kg"),
     (data.main, ("--gust-mps", 3), "(?=.*--changing-share).*--gust-mps"),
     (data.main, ("--recipe", "variable"), "nominal.*varied"),
+    (data.main, ("--jobs", 0), "--jobs"),
+    (data.main, ("--jobs", -2), "--jobs"),
+    (data.main, ("--address", "127.0.0.1:8786"), "--address"),
     (data.main, ("--largest-steer-deg", 20), "--largest-steer-deg: expected 40 to 300"),
 ]
 

@@ -131,8 +131,7 @@ def test_the_first_roll_out_of_every_preset_is_bounded(name):
     assert psi.abs().max() < 100.0
 
 
-MOTION, PATH_STATES = [0, 1, 2], [3, 4, 5]
-_, EY, EPSI = PATH_STATES
+MOTION, PATH_STATES, EY, EPSI = [0, 1, 2], [3, 4, 5], 4, 5
 STEPS = 12
 LINEAR = {"bilinear_rank": 0, "drift_rank": 0}
 

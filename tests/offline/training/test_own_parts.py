@@ -101,9 +101,9 @@ def test_without_its_encoder_a_run_is_neither_exported_nor_resumed(
     encoder, other = (trained, None) if trained in (Sines, perceptron) else (None, perceptron)
     run = new_run(config)
     train(config, toy_dataset, run, encoder=encoder)
-    with pytest.raises(ArtifactError, match=r"expected.*found(.|\n)*from Python, with that encod"):
+    with pytest.raises(ArtifactError, match="with that encoder"):
         export_checkpoint(load_checkpoint(run.best), toy_dataset, other)
-    with pytest.raises(ArtifactError, match=r"expected.*found(.|\n)*from Python, with that encod"):
+    with pytest.raises(ArtifactError, match="with that encoder"):
         train(config, toy_dataset, run, encoder=other, resume_from=load_checkpoint(run.last))
 
 
