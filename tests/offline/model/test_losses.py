@@ -124,6 +124,7 @@ def test_the_horizon_grows_monotonically_from_its_start_to_all_steps(steps, grow
 def test_the_horizon_grows_linearly():
     config = a_config(horizon_start=8, horizon_growth=0.3, steps=10_000)
     assert horizon_of_step(1500, config, 80) == 44
+    assert horizon_of_step(0, a_config(horizon_start=None), STEPS) == STEPS
 
 
 ROLLED, N, GAINS = 5, 4, 6
