@@ -1,6 +1,5 @@
 """A toy car whose episodes are simulated in milliseconds."""
 
-import itertools
 import shutil
 from datetime import datetime
 from pathlib import Path
@@ -89,11 +88,7 @@ SMALL = {
     "latents": 4,
     "threads": 1,
 }
-WITH_GAINS = {
-    "history_steps": 3,
-    "bilinear_rank": 2,
-    "drift_rank": 1,
-}
+WITH_GAINS = {"history_steps": 3, "bilinear_rank": 2, "drift_rank": 1}
 
 
 @pytest.fixture(scope="session")
@@ -113,23 +108,21 @@ def config(request, tiny_config, tiny_recommended) -> TrainingConfig:
     return {"paper": tiny_config, "recommended": tiny_recommended}[request.param]
 
 
-@pytest.fixture
-def new_run(tmp_path, toy_folder, toy_dataset):
-    """Returns a function that makes folders for runs on the toy data set."""
-    numbers = itertools.count()
+@pytest.fixture(scope="session")
+def new_run(toy_folder, toy_dataset, tmp_path_factory):
+    """Function that makes the folder of a run on the toy data set, in a folder of its own."""
 
     def create(config: TrainingConfig) -> RunFolder:
-        base, now = tmp_path / str(next(numbers)), datetime(2026, 1, 2, 3, 4, 5)
+        base, now = tmp_path_factory.mktemp("runs"), datetime(2026, 1, 2, 3, 4, 5)
         return create_run(base, config, toy_folder, toy_dataset.sha256, now)
 
     return create
 
 
 @pytest.fixture(scope="session")
-def finished(config, toy_folder, toy_dataset, tmp_path_factory) -> RunFolder:
+def finished(config, toy_dataset, new_run) -> RunFolder:
     """A finished run, which no test may change."""
-    base = tmp_path_factory.mktemp(config.preset)
-    run = create_run(base, config, toy_folder, toy_dataset.sha256, datetime(2026, 1, 2, 3, 4, 5))
+    run = new_run(config)
     train(config, toy_dataset, run)
     return run
 

@@ -7,12 +7,7 @@ from torch import Tensor, nn
 from offline.config import PRESETS, TrainingConfig
 from offline.data.sampling import Batch, Instants
 from offline.data.signals import VEHICLE_ROLES
-from offline.model.losses import (
-    draw_times,
-    forgetting_weights,
-    regularisation_loss,
-    total_loss,
-)
+from offline.model.losses import draw_times, forgetting_weights, regularisation_loss, total_loss
 from offline.model.network import MdkNet
 from offline.model.observables import sizes_of
 from offline.model.rollout import roll_out
@@ -132,10 +127,7 @@ def test_eigenvalue_excess_is_equation_11():
 def test_eigenvalue_excess_counts_both_eigenvalues_of_a_complex_pair():
     radius, angle = 1.2, torch.tensor(0.7)
     turn = torch.stack(
-        [
-            torch.stack([angle.cos(), -angle.sin()]),
-            torch.stack([angle.sin(), angle.cos()]),
-        ]
+        [torch.stack([angle.cos(), -angle.sin()]), torch.stack([angle.sin(), angle.cos()])]
     )
     assert torch.isclose(eigenvalue_excess(radius * turn), torch.tensor(0.4))
 

@@ -18,13 +18,9 @@ def run(app, *arguments: str) -> object:
     return ended.value.code or 0
 
 
-FIELDS = ("tick", *TickTimes._fields)
-
-
-def driven_run(
-    ending: str, misses: int, late_us: float, step_us: list[float], qp_iterations: float = 1.0
-) -> cadence.CadenceRun:
-    ticks = np.zeros(len(step_us), dtype=[(name, float) for name in FIELDS])
+def driven_run(ending, misses, late_us, step_us, qp_iterations=1.0):
+    fields = ("tick", *TickTimes._fields)
+    ticks = np.zeros(len(step_us), dtype=[(name, float) for name in fields])
     ticks["step_us"] = ticks["qp_us"] = step_us
     ticks["qp_iterations"] = qp_iterations
     summary = {

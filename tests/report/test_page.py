@@ -1,7 +1,7 @@
 """The page: complete, escaped, and without any access to the network."""
 
+import re
 import sys
-from html.parser import HTMLParser
 
 import pytest
 
@@ -18,39 +18,14 @@ TABLE = Table(
 )
 
 
-class Tags(HTMLParser):
-    """Collects the addresses that a browser would load, and checks that all elements are closed."""
-
-    VOID = ("meta", "br", "path", "use", "image", "rect", "line", "circle", "clippath")
-
-    def __init__(self):
-        super().__init__()
-        self.loaded, self.open = [], []
-
-    def handle_starttag(self, tag, attributes):
-        for name, value in attributes:
-            if name in ("src", "href", "xlink:href", "srcset", "data") and value[:1] != "#":
-                self.loaded.append(value)
-        if tag not in self.VOID:
-            self.open.append(tag)
-
-    def handle_endtag(self, tag):
-        if tag not in self.VOID:
-            assert self.open.pop() == tag
-
-
 def made_page(figure):
     parts = ("5 % of <b>", Plot(figure, "caption"), TABLE)
     return Page("Report <r>", (Section("One", parts),), ("first",))
 
 
 def test_page_with_static_plots_loads_nothing_and_runs_no_script():
-    figure, _ = empty_figure(1, 1, 1.0)
-    html = render_page(made_page(figure))
-    tags = Tags()
-    tags.feed(html)
-    assert tags.loaded == []
-    assert tags.open == []
+    html = render_page(made_page(empty_figure(1, 1, 1.0)[0]))
+    assert not re.findall(r'\b(?:src|href|srcset|data)="[^#]', html)
     for word in ("<script", "@import", "url(http", "<link", "<iframe"):
         assert word not in html
 

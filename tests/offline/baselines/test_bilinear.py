@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from made_drives import drive, predict, relative_error
 
-from offline.baselines.bilinear import choices_of_gains, fit_bilinear, lift
+from offline.baselines.bilinear import fit_bilinear
 from offline.baselines.linear import to_bundle
 from offline.model.bundle_predictor import BundlePredictor
 from offline.model.physical_units import SELFTEST_STATES
@@ -73,14 +73,3 @@ def test_the_bundle_predicts_what_the_model_predicts(size, past_steps, tmp_path)
     by_bundle, _ = predict(predictor, made.select("test"))
     by_model, _ = predict(model, made.select("test"))
     assert np.allclose(by_bundle, by_model, atol=1e-4)
-
-
-def test_inputs_are_multiplied_by_powers_of_the_speed_by_states_or_by_products(toy_dataset):
-    model = fit_bilinear(toy_dataset, (80,), (1,), (1e-8,))
-    speed, states, products = choices_of_gains(model.dictionary, toy_dataset)
-    x = np.random.default_rng(0).normal(size=(5, 6))
-    psi = lift(model.dictionary, x, np.ones((5, 1)), np.zeros((5, 1, 6)))
-    assert np.allclose(psi[:, speed], x[:, :1] ** np.arange(1, 4))
-    assert states == tuple(range(6))
-    assert np.allclose(psi[:, products[6:9]], x[:, :1] * x[:, :3])
-    assert model.dictionary.gains in (speed, states, products)

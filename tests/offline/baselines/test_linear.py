@@ -8,16 +8,11 @@ import pytest
 import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from made_drives import SCHEMA, drive, predict, relative_error
+from made_drives import drive, predict, relative_error
 
 from offline.baselines.fitting import best_model, log_error
-from offline.baselines.linear import (
-    LinearPerCurvature,
-    fit_linear,
-    fit_per_curvature,
-    to_bundle,
-)
-from offline.baselines.road_path import path_states, split_path
+from offline.baselines.linear import LinearPerCurvature, fit_linear, fit_per_curvature, to_bundle
+from offline.baselines.road_path import path_states
 from offline.baselines.scheduled import fit_scheduled, hat_functions
 from offline.config import PAST_STEPS
 from offline.data.generate import steering_geometry
@@ -25,7 +20,6 @@ from offline.data.signals import past_names
 from offline.model.bundle_predictor import BundlePredictor
 from offline.model.physical_units import choose_selftest
 from rt_controller.contract.errors import DatasetError
-from rt_controller.contract.signals import VEHICLE, Signal
 from rt_controller.model.artifact import load_bundle, save_bundle
 from rt_controller.model.dynamics import Matrices
 from rt_controller.model.follow import Follow
@@ -192,15 +186,6 @@ def test_the_path_of_the_car_follows_from_the_motion_and_the_motion_from_the_rec
         expected = expected + sum(phi[j] * model.theta[j] @ np.array(z) for j in range(3))
         physical = expected * scaling.x_scale[:3] + scaling.x_centre[:3]
         assert np.allclose(states[0, k + 1, :3], physical)
-
-
-def test_the_path_is_split_off_only_if_there_is_one():
-    assert split_path(VEHICLE) == (3, (), 0)
-    friction = Signal("friction", "1")
-    more = replace(VEHICLE, exogenous=(friction, *VEHICLE.exogenous))
-    assert split_path(more) == (3, (0,), 1)
-    assert split_path(SCHEMA) == (3, (0,), None)
-    assert split_path(replace(VEHICLE, exogenous=(friction,))) == (6, (0,), None)
 
 
 def test_path_agrees_with_integration_in_small_steps_and_in_torch():

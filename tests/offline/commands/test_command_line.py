@@ -10,7 +10,6 @@ import sys
 import time
 from contextlib import nullcontext
 from dataclasses import replace
-from datetime import datetime
 from importlib.metadata import version
 from pathlib import Path
 
@@ -24,7 +23,7 @@ from offline.config import TrainingConfig
 from offline.data import dataset
 from offline.data.dataset import load_dataset
 from offline.data.manifest import Imported, SourceFile
-from offline.training.run import create_run, load_checkpoint, save_checkpoint
+from offline.training.run import load_checkpoint, save_checkpoint
 from offline.training.train import train
 from rt_controller.bundle_checks.plan_check import require_stored_plans
 from rt_controller.contract.signals import VEHICLE
@@ -158,15 +157,14 @@ def test_a_hang_up_that_was_ignored_at_the_start_stays_ignored():
 
 
 @pytest.fixture(scope="module")
-def trained(tiny_config, toy_folder, toy_dataset, tmp_path_factory):
-    """A run that ends at step 6, with a model as after a long training: it can be exported."""
-    base, now = tmp_path_factory.mktemp("runs"), datetime(2026, 1, 2, 3, 4, 5)
+def trained(tiny_config, toy_dataset, new_run):
+    """The folder of a run to step 6, with a model as after a long training: it can be exported."""
     config = tiny_config.model_copy(update={"steps": 6, "episodes": 40, "data_seed": 3})
-    run = create_run(base, config, toy_folder, toy_dataset.sha256, now)
+    run = new_run(config)
     train(config, toy_dataset, run)
     checkpoint = replace(load_checkpoint(run.best), validation_losses=[0.125, 0.5, 0.25])
     save_checkpoint(run.best, fitted(checkpoint, toy_dataset))
-    return base
+    return run.path.parent
 
 
 @pytest.fixture
@@ -299,6 +297,9 @@ REFUSED = [
     (data.main, ("--friction", 0.0, 1.0, "--payload-kg", -1, 5), "--friction.*--payload-kg"),
     (data.main, ("--gust-mps", 3), "(?=.*--changing-share).*--gust-mps"),
     (data.main, ("--recipe", "variable"), "nominal.*varied"),
+    (data.main, ("--jobs", 0), "--jobs"),
+    (data.main, ("--jobs", -2), "--jobs"),
+    (data.main, ("--address", "127.0.0.1:8786"), "--address"),
     (data.main, ("--largest-steer-deg", 20), "--largest-steer-deg: expected 40 to 300"),
 ]
 

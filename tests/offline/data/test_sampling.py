@@ -31,7 +31,6 @@ from offline.data.signals import (
     signal_range,
 )
 from rt_controller.contract.errors import DatasetError
-from rt_controller.contract.limits import INPUT_LIMITS
 from rt_controller.contract.signals import VEHICLE, Signal
 
 HISTORY, SHORT = 3, 12
@@ -139,21 +138,6 @@ def test_roads_have_a_curvature_of_the_library_and_errors_of_the_whole_range(
     assert abs(np.corrcoef(anchor.ey_m, anchor.epsi_rad)[0, 1]) < 0.1
 
 
-@pytest.mark.parametrize("windows", ["slices", "all"])
-@pytest.mark.parametrize("mirror", [False, True])
-def test_batches_depend_only_on_the_rng_and_differ_between_draws(
-    toy_dataset, scaling, windows, mirror
-):
-    opened = open_source(a_config(windows, mirror), toy_dataset, scaling)
-    again = open_source(a_config(windows, mirror), toy_dataset, scaling)
-    one, other = rng(4), rng(4)
-    first, second = opened.draw(8, one), opened.draw(8, one)
-    assert equal(first, again.draw(8, other))
-    assert equal(second, again.draw(8, other))
-    assert not equal(first, second)
-    assert not equal(first, opened.draw(8, rng(5)))
-
-
 def test_episodes_without_any_window_are_refused(toy_dataset, scaling):
     few = toy_dataset.recording._replace(first=np.arange(0, len(toy_dataset.recording.x), 60))
     short = replace(toy_dataset, recording=few, part=np.zeros(len(few.first), dtype=np.int8))
@@ -255,17 +239,6 @@ def test_history_at_an_instant_equals_that_of_a_window_starting_there(
     assert torch.equal(found, begun_there.memory[:HISTORY].swapaxes(0, 1))
 
 
-@pytest.mark.parametrize("past_steps", [0, HISTORY])
-def test_a_shortened_batch_equals_the_batch_of_shorter_windows(
-    toy_dataset, starts, scaling, past_steps
-):
-    windows = cut_later(toy_dataset, starts, 0)
-    shorter = cut(toy_dataset.recording, starts, VEHICLE, VEHICLE_ROLES, 5)
-    found = show(windows, scaling, past_steps).shorten(5)
-    for one, other in zip(found, show(shorter, scaling, past_steps), strict=True):
-        assert torch.equal(one, other)
-
-
 def fit(trajectories: Trajectories) -> Scaling:
     return fit_scaling(trajectories, VEHICLE, VEHICLE_ROLES)
 
@@ -290,12 +263,6 @@ def test_only_speed_and_progress_are_centred(train):
     scaling = fit(train)
     assert np.flatnonzero(scaling.x_centre).tolist() == [0, 3]
     assert scaling.x_centre[0] == pytest.approx(train.x[..., 0].mean(), rel=1e-5)
-
-
-def test_the_range_of_the_inputs_of_the_car_is_its_limits_and_that_of_a_road_is_found(train):
-    lowest, highest = signal_range(train, VEHICLE)
-    assert lowest.tolist() == [*INPUT_LIMITS.lower, train.w.min()]
-    assert highest.tolist() == [*INPUT_LIMITS.upper, train.w.max()]
 
 
 @pytest.fixture(scope="module")

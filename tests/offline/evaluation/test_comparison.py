@@ -107,15 +107,6 @@ def test_ratios_of_medians_ignore_a_single_bad_trajectory():
     assert mean_of(library["baseline_mse_over_model_mse"]["model"]["other"]) < 1e-3
 
 
-def test_a_diverging_baseline_has_an_infinite_ratio_and_does_not_change_the_others():
-    error = np.zeros(MADE.x.shape)
-    error[7, 5:] = np.nan
-    model = with_random_error(MADE)
-    found = ratios(model, broken=WithError(MADE, error), equal=with_random_error(MADE))
-    assert np.all(np.isinf(states_of(found["broken"])))
-    assert np.all(states_of(found["equal"]) == 1.0)
-
-
 @pytest.mark.parametrize(("error", "is_within"), [([2.0, 1, 1, 1, 1, 1], False), ([1.0] * 6, True)])
 def test_errors_on_another_set_are_divided_by_those_on_the_library(error, is_within):
     far = made_trajectories(50, seed=3)

@@ -4,13 +4,7 @@ import numpy as np
 import pytest
 from toy_predictors import WithError, made_test_set, made_trajectories, with_random_error
 
-from offline.evaluation.bootstrap import (
-    RESAMPLES,
-    estimate,
-    mean_draws,
-    quantile_draws,
-    tail_draws,
-)
+from offline.evaluation.bootstrap import RESAMPLES, estimate, mean_draws, quantile_draws, tail_draws
 from offline.evaluation.comparison import compare_models
 from offline.evaluation.metrics import (
     MEANS,
@@ -188,24 +182,9 @@ def test_a_single_episode_has_no_interval():
     assert np.isnan(found.high)
 
 
-def test_a_value_that_is_not_finite_makes_only_its_own_mean_infinite():
-    values = np.array([[1.0, np.inf, np.nan], [3.0, 1.0, 1.0], [5.0, 1.0, 1.0]])
-    draws = mean_draws(values, np.arange(3))
-    assert np.all(np.isfinite(draws[:, 0]))
-    assert np.all(np.isinf(draws[:, 1:]))
-
-
 def weights_of(episodes):
     """How often each episode was drawn (1 + R, E), read from means of indicators."""
     return np.rint(episodes * mean_draws(np.eye(episodes), np.arange(episodes))).astype(int)
-
-
-def test_every_resample_is_as_long_as_the_sample():
-    weights = weights_of(12)
-    assert weights.shape == (1 + RESAMPLES, 12)
-    assert np.all(weights[0] == 1)
-    assert np.all(weights.sum(axis=1) == 12)
-    assert len(np.unique(weights, axis=0)) > 0.9 * RESAMPLES
 
 
 def test_quantiles_agree_with_those_of_explicit_resamples():

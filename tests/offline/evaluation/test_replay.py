@@ -1,7 +1,7 @@
 """Replay of recorded drives: logs, refusals, lag, and a car against itself."""
 
-import gzip
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -38,22 +38,12 @@ def write_csv(path: Path, columns: dict[str, Array], separator: str = ",") -> Pa
     rows = zip(*columns.values(), strict=True)
     lines = [separator.join(columns)]
     lines += [separator.join(f"{value:.9g}" for value in row) for row in rows]
-    text = "\n".join(lines) + "\n"
-    path.write_bytes(gzip.compress(text.encode()) if path.suffix == ".gz" else text.encode())
+    path.write_text("\n".join(lines) + "\n")
     return path
 
 
-@pytest.mark.parametrize("name", ["a.csv", "b.csv.gz", "c.npz", "d.parquet"])
-def test_all_formats_give_the_same_recording(tmp_path: Path, name: str) -> None:
-    columns, path = columns_of_a_log(), tmp_path / name
-    if name.endswith(".npz"):
-        np.savez(path, **columns)  # type: ignore[arg-type]
-    elif name.endswith(".parquet"):
-        pyarrow = pytest.importorskip("pyarrow")
-        pytest.importorskip("pyarrow.parquet").write_table(pyarrow.table(columns), path)
-    else:
-        write_csv(path, columns, ";")
-    drive = load_drive(path)
+def test_a_log_is_read_with_the_units_in_its_names(tmp_path):
+    drive = load_drive(write_csv(tmp_path / "a.csv", columns_of_a_log(), ";"))
     time_s = 0.01 * np.arange(len(drive.steer_rad))
     assert len(time_s) == pytest.approx(1999, abs=1)
     assert not drive.is_road_wheel
@@ -63,11 +53,10 @@ def test_all_formats_give_the_same_recording(tmp_path: Path, name: str) -> None:
 
 def test_an_assignment_states_unit_and_sign_of_a_column(tmp_path: Path) -> None:
     columns = columns_of_a_log()
+    factors = {"t": 1e3, "delta": 1.0, "u": 3.6, "r": -np.degrees(1.0)}
     own = {
-        "t": 1e3 * columns["time_s"],
-        "delta": columns["steer_deg"],
-        "u": 3.6 * columns["vx_mps"],
-        "r": -np.degrees(columns["yaw_rate_radps"]),
+        name: factor * values
+        for (name, factor), values in zip(factors.items(), columns.values(), strict=True)
     }
     assignments = ("time_ms=t", "road_wheel_deg=delta", "vx_kmh=u", "yaw_rate_degps=-r")
     drive = load_drive(write_csv(tmp_path / "own.csv", own), assignments)
@@ -93,32 +82,29 @@ def changed(name: str, rows: slice, value: float) -> dict[str, Array]:
 @pytest.mark.parametrize(
     ("columns", "assignments", "words"),
     [
-        (columns_of_a_log(), ("speed=vx_mps",), ("speed=vx_mps", "vx_kmh")),
-        (columns_of_a_log(), ("vx_mps=c",), ("'c'", "vx_mps")),
-        (without("time_s"), (), ("'time_s'", "'time_ms'")),
-        (without("vx_mps"), (), ("'vx_mps' or 'vx_kmh'",)),
-        (without("steer_deg"), (), ("steering wheel", "found neither")),
-        (without("yaw_rate_radps"), (), ("to compare with", "yaw_rate_degps")),
-        (changed("time_s", slice(500, 501), 21.98), (), ("increase",)),
-        (changed("time_s", slice(0, 1), 1.0), (), ("gap above 0.5 s",)),
-        (changed("yaw_rate_radps", slice(100, 103), np.nan), (), ("nan at 2 s, and 3 such",)),
-        (changed("vx_mps", slice(0, 100), 0.0), (), ("--from-s", "drives forward")),
-        (changed("vx_mps", slice(0, None), 72.0), (), ("vx_kmh", "usable part: none")),
+        (columns_of_a_log(), ("speed=vx_mps",), "speed=vx_mps"),
+        (columns_of_a_log(), ("vx_mps=c",), "'c'"),
+        (without("time_s"), (), "'time_s'"),
+        (without("vx_mps"), (), "'vx_mps' or 'vx_kmh'"),
+        (without("steer_deg"), (), "steering wheel"),
+        (without("yaw_rate_radps"), (), "yaw_rate_degps"),
+        (changed("time_s", slice(500, 501), 21.98), (), "increase"),
+        (changed("time_s", slice(0, 1), 1.0), (), "gap above 0.5 s"),
+        (changed("yaw_rate_radps", slice(100, 103), np.nan), (), "nan at 2 s"),
+        (changed("vx_mps", slice(0, 100), 0.0), (), "--from-s"),
+        (changed("vx_mps", slice(0, None), 72.0), (), "usable part: none"),
         (
             {**without("yaw_rate_radps"), "r (rad/s)": columns_of_a_log()["yaw_rate_radps"]},
-            ("yaw_rate_degps=r",),
-            ("column r", "the unit of yaw_rate_degps, found rad/s"),
+            *(("yaw_rate_degps=r",), "column r"),
         ),
     ],
 )
 def test_a_log_that_cannot_be_used_is_refused_with_the_reason(
-    tmp_path: Path, columns: dict[str, Array], assignments: tuple[str, ...], words: tuple[str, ...]
-) -> None:
+    tmp_path, columns, assignments, words
+):
     log = write_csv(tmp_path / "log.csv", columns)
-    with pytest.raises(RtControllerError) as refused:
+    with pytest.raises(RtControllerError, match=re.escape(words)):
         load_drive(log, assignments)
-    for part in words:
-        assert part in str(refused.value)
 
 
 @pytest.mark.parametrize("kept", [slice(0, 300), slice(500, None), slice(0, 0)])

@@ -2,8 +2,7 @@
 
 import numpy as np
 import pytest
-from made_import import change_log, run_import
-from made_logs import MAPPING, make_drive, write_csv
+from made_logs import MAPPING, change_log, make_drive, run_import, write_csv
 
 from offline.data.dataset import load_dataset
 from offline.data.manifest import Imported, read_manifest
@@ -48,11 +47,7 @@ def place(tmp_path):
 
 @pytest.mark.parametrize(
     ("file", "begin_s"),
-    [
-        ("can/{}.csv", 1.7e9),
-        ("{drive}_{}.csv", 0.0),
-        ("{drive}/{}-{drive}.csv", 0.0),
-    ],
+    [("can/{}.csv", 1.7e9), ("{drive}_{}.csv", 0.0), ("{drive}/{}-{drive}.csv", 0.0)],
 )
 def test_every_layout_of_files_gives_the_same_numbers_as_a_table(place, file, begin_s):
     for seed in range(3):

@@ -1,4 +1,4 @@
-"""A column is converted to a signal in SI, with its delay subtracted and its values checked."""
+"""A column becomes a signal in SI, checked, cut at gaps and resampled to one period."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -9,8 +9,9 @@ from made_logs import MAPPING, series_of
 from made_logs import log_of as made_log
 
 from offline.logs.readers.log import Log, Series
-from offline.logs.series import to_drive
+from offline.logs.series import LoggedDrive, Stretch, find_stretches, grid, resample, to_drive
 from rt_controller.contract.errors import DatasetError
+from rt_controller.mapping.tables import Sampling
 
 ONE_OF_EACH = """
 [states]
@@ -125,3 +126,68 @@ def test_yaw_is_continuous_over_full_turns(parse):
     columns = dict.fromkeys(names, 0.01 * t_s) | {"yaw": (40 * t_s + 180) % 360 - 180}
     drive = to_drive(made_log(t_s, columns), mapping)
     assert series_of(drive, "yaw").values == pytest.approx(np.radians(40 * t_s))
+
+
+PERIOD_S = 0.025
+
+
+def sampled(t_s, values, sampling=Sampling.SAMPLED, longest_s=0.1):
+    t_s, values = np.asarray(t_s, dtype=float), np.asarray(values, dtype=float)
+    connected = np.diff(t_s) <= longest_s
+    rows, names = np.arange(len(t_s)), {"path": Path("a.csv"), "name": "v"}
+    return Series("v", t_s, values, rows, "m/s", **names, sampling=sampling, connected=connected)
+
+
+def whole(one):
+    return Stretch(float(one.t_s[0]), float(one.t_s[-1]))
+
+
+def test_stretches_are_where_all_signals_are_known():
+    fast = sampled([0.0, 0.05, 0.1, 0.5, 0.55, 0.6], range(6))
+    late = sampled([0.02, 0.08, 0.14, 0.2, 0.28, 0.36, 0.44, 0.52, 0.58], range(9))
+    drive = LoggedDrive("a.csv", 6, (fast, late))
+    assert find_stretches(drive) == [Stretch(0.02, 0.1), Stretch(0.5, 0.58)]
+
+
+RAMP = 0.01 * np.arange(101)
+NOISE = np.random.default_rng(0).normal(size=50)
+
+
+@pytest.mark.parametrize(
+    ("sampling", "t_s", "values", "expected"),
+    [
+        (Sampling.SAMPLED, 3.0 + PERIOD_S * np.arange(50), NOISE, NOISE),
+        (Sampling.SAMPLED, [0.0, 0.04, 0.08], [0.0, 4.0, 0.0], [0.0, 2.5, 3.0, 0.5]),
+        # Averaging does not shift a ramp at its ends.
+        (Sampling.SAMPLED, RAMP, 7.0 * RAMP, 7.0 * PERIOD_S * np.arange(41)),
+        (Sampling.MEAN, RAMP, RAMP, [*PERIOD_S * (np.arange(40) + 0.5), 1.0]),
+        # A held command is weighted by its duration.
+        (Sampling.HELD, [0.0, 0.01, 0.04, 0.1], [1.0, 2.0, 4.0, 8.0], [1.6, 2.8, 4.0, 4.0, 8.0]),
+    ],
+)
+def test_a_signal_gets_one_sample_per_period(sampling, t_s, values, expected):
+    one = sampled(t_s, values, sampling)
+    found = resample(one, whole(one), grid(whole(one), PERIOD_S), PERIOD_S)
+    assert found == pytest.approx(np.asarray(expected), abs=1e-9)
+
+
+def test_fast_samples_are_averaged_so_that_no_frequency_is_aliased():
+    """40 Hz sampled every 25 ms would appear as a constant."""
+    t = 0.001 * np.arange(2001)
+    slow, fast = np.sin(2 * np.pi * 1.0 * t), np.cos(2 * np.pi * 40.0 * t)
+    one = sampled(t, slow + fast)
+    t_s = grid(whole(one), PERIOD_S)
+    found = resample(one, whole(one), t_s, PERIOD_S)
+    expected = np.sin(2 * np.pi * t_s)
+    assert np.max(np.abs(found - expected)[1:-1]) < 0.01
+
+
+def test_samples_beyond_a_gap_do_not_influence_a_stretch():
+    t = np.concatenate([0.005 * np.arange(41), 1.0 + 0.005 * np.arange(41)])
+    one = sampled(t, np.where(t < 0.5, 1.0, 100.0))
+    drive = LoggedDrive("a.csv", 82, (one,), ())
+    for stretch, value in zip(find_stretches(drive), (1.0, 100.0), strict=True):
+        for sampling in Sampling:
+            held = replace(one, sampling=sampling)
+            found = resample(held, stretch, grid(stretch, PERIOD_S), PERIOD_S)
+            assert found == pytest.approx(np.full(len(found), value))

@@ -10,9 +10,8 @@ from torch import Tensor
 from offline.config import PRESETS, TrainingConfig
 from offline.data.sampling import Instants
 from offline.data.signals import VEHICLE_ROLES, Roles
-from offline.model.encoder import Products
 from offline.model.network import FADING_S, MdkNet
-from offline.model.observables import Observables, Sizes, sizes_of
+from offline.model.observables import Sizes, sizes_of
 from rt_controller.contract.signals import VEHICLE, Schema, Signal
 from rt_controller.model.follow import Follow
 
@@ -132,18 +131,7 @@ def test_the_first_roll_out_of_every_preset_is_bounded(name):
     assert psi.abs().max() < 100.0
 
 
-def test_the_block_that_changes_is_the_motion_without_the_constant() -> None:
-    """With the constant, which has the eigenvalue 1; the path states have 0."""
-    known = Observables(6, 3, has_constant=True, has_path=True)
-    assert known.changing.tolist() == [0, 1, 2, 6, 7, 8]
-    assert known.is_motion.tolist() == [True] * 3 + [False] * 3 + [True] * 4
-    one_block = known._replace(has_path=False, has_constant=False)
-    assert one_block.changing.tolist() == [*range(9)]
-
-
-SHOWN, PRESENT, ENCODED = 11, 4, 5
-MOTION, PATH_STATES = [0, 1, 2], [3, 4, 5]
-DS, EY, EPSI = PATH_STATES
+MOTION, PATH_STATES, EY, EPSI = [0, 1, 2], [3, 4, 5], 4, 5
 STEPS = 12
 LINEAR = {"bilinear_rank": 0, "drift_rank": 0}
 
@@ -195,18 +183,6 @@ def test_training_changes_only_what_is_learned():
         assert (learned == 0.0).any()
     is_motion = model.observables.is_motion[:rows]
     assert model.A_rows.grad[is_motion, 0].abs().min() > 0.0
-
-
-def test_every_product_of_two_signals_exists_once() -> None:
-    products, signals = Products(PRESENT, 1), torch.randn(30, PRESENT)
-    assert products.weights.in_features == PRESENT * (PRESENT + 1) // 2
-    pairs = {
-        (min(pair), max(pair))
-        for pair in zip(products.first.tolist(), products.second.tolist(), strict=True)
-    }
-    assert len(pairs) == products.weights.in_features
-    expected = signals[:, products.first] * signals[:, products.second]
-    torch.testing.assert_close(products(signals), products.weights(expected))
 
 
 def seen_on_the_road(model: MdkNet, now: Instants, u: Tensor, w: Tensor) -> tuple[bool, bool]:

@@ -2,7 +2,6 @@
 
 import json
 from dataclasses import replace
-from datetime import datetime
 
 import numpy as np
 import pytest
@@ -16,7 +15,7 @@ from offline.model.bundle_predictor import BundlePredictor
 from offline.model.losses import Losses, state_errors
 from offline.training.export import export_checkpoint
 from offline.training.initial import with_structure_of
-from offline.training.run import create_run, load_checkpoint, restore_model
+from offline.training.run import load_checkpoint, restore_model
 from offline.training.train import train
 from rt_controller.contract.errors import ArtifactError, ConfigError
 
@@ -49,9 +48,8 @@ def test_a_loss_of_ones_own_becomes_smaller(config, toy_dataset, new_run):
 
 
 @pytest.fixture(scope="module")
-def of_sines(config, toy_folder, toy_dataset, tmp_path_factory):
-    base, now = tmp_path_factory.mktemp("sines"), datetime(2026, 1, 2, 3, 4, 5)
-    run = create_run(base, config, toy_folder, toy_dataset.sha256, now)
+def of_sines(config, toy_dataset, new_run):
+    run = new_run(config)
     train(config, toy_dataset, run, encoder=Sines)
     return run
 
@@ -86,19 +84,10 @@ def test_its_bundle_predicts_like_torch(of_sines, toy_dataset):
     assert np.abs(found - expected).max() < 1e-4 * np.abs(expected).max()
 
 
-def test_a_resumed_run_equals_an_uninterrupted_one(config, toy_dataset, new_run, of_sines):
-    halved, steps = new_run(config), iter(range(100))
-    own = {"encoder": Sines}
-    train(config, toy_dataset, halved, **own, stop_requested=lambda: next(steps) >= 6)
-    train(config, toy_dataset, halved, **own, resume_from=load_checkpoint(halved.last))
-    assert halved.history.read_bytes() == of_sines.history.read_bytes()
-
-
 def perceptron(width, latents):
     """Shapes and names as of the perceptron of the tests."""
-    return nn.Sequential(
-        nn.Linear(width, 8), nn.Tanh(), nn.Linear(8, 8), nn.Tanh(), nn.Linear(8, latents)
-    )
+    layers = nn.Linear(width, 8), nn.Tanh(), nn.Linear(8, 8), nn.Tanh(), nn.Linear(8, latents)
+    return nn.Sequential(*layers)
 
 
 @pytest.mark.parametrize("config", ["paper"], indirect=True)
@@ -112,9 +101,9 @@ def test_without_its_encoder_a_run_is_neither_exported_nor_resumed(
     encoder, other = (trained, None) if trained in (Sines, perceptron) else (None, perceptron)
     run = new_run(config)
     train(config, toy_dataset, run, encoder=encoder)
-    with pytest.raises(ArtifactError, match=r"expected.*found(.|\n)*from Python, with that encod"):
+    with pytest.raises(ArtifactError, match="with that encoder"):
         export_checkpoint(load_checkpoint(run.best), toy_dataset, other)
-    with pytest.raises(ArtifactError, match=r"expected.*found(.|\n)*from Python, with that encod"):
+    with pytest.raises(ArtifactError, match="with that encoder"):
         train(config, toy_dataset, run, encoder=other, resume_from=load_checkpoint(run.last))
 
 

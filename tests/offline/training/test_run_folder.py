@@ -5,7 +5,7 @@ from dataclasses import replace
 from datetime import datetime
 
 import pytest
-from run_contents import history, weights_equal
+from run_contents import history
 
 from offline.config import PAST_STEPS, PRESETS, STEPS, TrainingConfig, resolve
 from offline.training.export import export_checkpoint
@@ -31,11 +31,6 @@ def test_an_explicit_setting_overrides_the_preset():
     assert resolved.evaluate_every == PRESETS["quick"].evaluate_every
 
 
-def test_an_unknown_preset_is_refused_with_the_list_of_presets():
-    with pytest.raises(ConfigError, match="recommended, linear, paper, paper-literal, quick"):
-        resolve(TrainingConfig(preset="papre"))
-
-
 @pytest.mark.parametrize(
     ("name", "value"),
     [("steps", 0), ("forgetting", 1.5), ("learning_rate", -1.0), ("stability", "none"),
@@ -45,13 +40,6 @@ def test_an_unknown_preset_is_refused_with_the_list_of_presets():
 def test_a_setting_out_of_range_is_refused(name, value):
     with pytest.raises(ConfigError, match=rf"TrainingConfig\.{name}[:[]"):
         TrainingConfig(**{name: value})
-
-
-def test_the_preset_linear_is_recommended_without_the_bilinear_part_and_the_drift():
-    recommended = PRESETS["recommended"]
-    assert recommended.bilinear_rank > 0
-    changes = {"preset": "linear", "bilinear_rank": 0, "drift_rank": 0}
-    assert PRESETS["linear"] == recommended.model_copy(update=changes)
 
 
 @pytest.mark.parametrize("name", ["paper", "paper-literal"])
@@ -92,10 +80,6 @@ def test_a_second_run_in_one_second_has_a_folder_of_its_own(
     assert open_run(tmp_path / "latest").path == second.path.resolve()
 
 
-def without(config, name):
-    return {key: value for key, value in config.model_dump(mode="json").items() if key != name}
-
-
 def test_resuming_removes_lines_that_a_crash_left_after_the_checkpoint(copied):
     whole = copied.history.read_text()
     copied.history.write_text(whole + '{"step": 15, "tra')
@@ -103,15 +87,6 @@ def test_resuming_removes_lines_that_a_crash_left_after_the_checkpoint(copied):
     assert copied.history.read_text() == whole
     cut_history(copied, 6)
     assert [line["step"] for line in history(copied)] == [0, 5]
-
-
-def test_a_checkpoint_is_saved_and_loaded_unchanged(copied):
-    written = load_checkpoint(copied.last)
-    save_checkpoint(copied.last, written)
-    read = load_checkpoint(copied.last)
-    assert read.config == copied.config
-    assert weights_equal(read.model, written.model)
-    assert read.validation_losses == written.validation_losses
 
 
 def test_a_full_disk_leaves_the_previous_checkpoint(copied, monkeypatch):
@@ -125,50 +100,37 @@ def test_a_full_disk_leaves_the_previous_checkpoint(copied, monkeypatch):
     with pytest.raises(RtControllerError, match="No space left"):
         save_checkpoint(copied.last, checkpoint)
     assert copied.last.read_bytes() == before
-    assert sorted(path.suffix for path in copied.path.iterdir()) == [
-        ".json",
-        ".jsonl",
-        ".pt",
-        ".pt",
-    ]
+    assert {path.suffix for path in copied.path.iterdir()} == {".json", ".jsonl", ".pt"}
 
 
-def without_operator_rate(text):
-    fields = json.loads(text)
+def without_operator_rate(raw):
+    fields = json.loads(raw)
     del fields["config"]["operator_rate"]
-    return json.dumps(fields)
+    return json.dumps(fields).encode()
 
 
 @pytest.mark.parametrize("config", ["paper"], indirect=True)
 @pytest.mark.parametrize(
-    ("edit", "words"),
+    ("name", "edit", "words"),
     [
-        (None, "offline-train"),
-        (lambda text: "{", "offline-train"),
-        (lambda text: '{"config": {"steps": -1}}', "offline-train"),
-        (without_operator_rate, r"config without operator_rate.*train again"),
-        (lambda text: text.replace('"mirror"', '"mirorr"'), r"config\.mirorr: no such setting\)"),
+        ("config.json", None, "offline-train"),
+        ("config.json", lambda raw: b"{", "offline-train"),
+        ("config.json", lambda raw: b'{"config": {"steps": -1}}', "offline-train"),
+        ("config.json", without_operator_rate, r"config without operator_rate.*train again"),
+        ("config.json", lambda raw: raw.replace(b'"mirror"', b'"mirorr"'), r"config\.mirorr"),
+        ("last.pt", None, "expected a checkpoint"),
+        ("last.pt", lambda raw: raw[:0], "expected a checkpoint"),
+        ("last.pt", lambda raw: raw[:1000], "expected a checkpoint"),
     ],
 )
-def test_a_folder_that_holds_no_run_of_this_version_is_refused(copied, edit, words):
-    file = copied.path / "config.json"
-    whole = file.read_text()
+def test_a_damaged_run_or_one_of_another_version_is_refused(copied, name, edit, words):
+    file = copied.path / name
+    whole = file.read_bytes()
     file.unlink()
     if edit is not None:
-        file.write_text(edit(whole))
+        file.write_bytes(edit(whole))
     with pytest.raises(ArtifactError, match=words):
-        open_run(copied.path)
-
-
-@pytest.mark.parametrize("config", ["paper"], indirect=True)
-@pytest.mark.parametrize("keep", [None, 0, 1000])
-def test_a_damaged_checkpoint_is_refused(copied, keep):
-    whole = copied.last.read_bytes()
-    copied.last.unlink()
-    if keep is not None:
-        copied.last.write_bytes(whole[:keep])
-    with pytest.raises(ArtifactError, match="expected a checkpoint"):
-        load_checkpoint(copied.last)
+        load_checkpoint(open_run(copied.path).last)
 
 
 @pytest.mark.parametrize("config", ["paper"], indirect=True)
