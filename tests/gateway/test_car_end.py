@@ -26,13 +26,7 @@ from rt_controller.contract.timing import PERIOD_NS, PERIOD_S
 from rt_controller.gateway.car_end import CarEnd
 from rt_controller.gateway.lateral_speed import LateralSpeed, RearAxle, identify
 from rt_controller.gateway.road_place import PlaceMeasured
-from rt_controller.gateway.samples import (
-    LARGEST_MPS2,
-    Motion,
-    MotionHistory,
-    Sample,
-    SpeedSlope,
-)
+from rt_controller.gateway.samples import LARGEST_MPS2, Motion, MotionHistory, Sample, SpeedSlope
 from rt_controller.mapping.signal_frames import FrameQueue
 from rt_controller.model.bundle import Bundle
 

@@ -209,11 +209,7 @@ def require_read_and_damage_noticed(reader, frames):
             ["0034120000000034", "0034120100000035"],
         ),
         # 3 ^ 4 ^ 1 ^ 2 = 4; in bits 2 to 5 of byte 6
-        (
-            "Number",
-            {"signal": "Middle", "kind": "xor4"},
-            ["0034120000001000", "0034120100001400"],
-        ),
+        ("Number", {"signal": "Middle", "kind": "xor4"}, ["0034120000001000", "0034120100001400"]),
         # 255 - (34 + 12 + counter + A5)
         (
             "Number",
@@ -311,8 +307,7 @@ def sent_by(address, count):
 
 
 @pytest.mark.parametrize(
-    ("source", "read", "sent"),
-    [(None, [0xFE], 0xFE), ("any", [0x00], 0xFE), (0x17, [0x17], 0x17)],
+    ("source", "read", "sent"), [(None, [0xFE], 0xFE), ("any", [0x00], 0xFE), (0x17, [0x17], 0x17)]
 )
 def test_frames_of_the_named_source_addresses_are_read(source, read, sent):
     reader, writer = j1939(source)

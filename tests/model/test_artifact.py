@@ -49,7 +49,7 @@ def equal(one: Bundle, other: Bundle) -> bool:
     )
 
 
-def test_a_saved_bundle_loads_equal(bundle: Bundle, folder: Path) -> None:
+def test_a_saved_bundle_loads_equal(bundle, folder):
     compared = {*PLAIN, "schema", "lift", "car", "selftest", "gains", "plans"}
     compared |= {"signal_range", "movement", "validity"}
     assert compared == {field.name for field in fields(Bundle)}
@@ -60,22 +60,20 @@ def test_a_saved_bundle_loads_equal(bundle: Bundle, folder: Path) -> None:
 CAR = SteeringGeometry(wheelbase_m=3.2, rear_axle_m=1.5, steering_ratio=16.0)
 
 
-def test_the_geometry_of_the_car_is_part_of_a_bundle(bundle: Bundle, tmp_path: Path) -> None:
+def test_the_geometry_of_the_car_is_part_of_a_bundle(bundle, tmp_path):
     known = replace(bundle, car=Car(CAR))
     save_bundle(tmp_path, known, "card")
     assert load_bundle(tmp_path).geometry == CAR
     assert known.sha256 != bundle.sha256
 
 
-def test_a_model_of_other_signals_loads_equal(planar: Bundle, tmp_path: Path) -> None:
+def test_a_model_of_other_signals_loads_equal(planar, tmp_path):
     save_bundle(tmp_path, planar, "card")
     assert equal(load_bundle(tmp_path), planar)
 
 
 @pytest.mark.parametrize("part", ["gains", "signal_range", "validity"])
-def test_a_part_that_a_model_does_not_have_is_not_loaded(
-    bundle: Bundle, tmp_path: Path, part: str
-) -> None:
+def test_a_part_that_a_model_does_not_have_is_not_loaded(bundle, tmp_path, part):
     without = replace(bundle, **{part: None})
     save_bundle(tmp_path, without, "card")
     assert getattr(load_bundle(tmp_path), part) is None
@@ -106,22 +104,20 @@ def rewrite(folder: Path, *, without: str) -> None:
 
 
 @pytest.mark.parametrize("missing", ["plan_path", "gains_shape", "c"])
-def test_a_field_that_the_format_requires_is_named(
-    bundle: Bundle, tmp_path: Path, missing: str
-) -> None:
+def test_a_field_that_the_format_requires_is_named(bundle, tmp_path, missing):
     save_bundle(tmp_path, with_plans(bundle), "card")
     rewrite(tmp_path, without=missing)
     with pytest.raises(ArtifactError, match=f"expected a field '{missing}'"):
         load_bundle(tmp_path)
 
 
-def test_parts_that_do_not_fit_are_not_written(bundle: Bundle, tmp_path: Path) -> None:
+def test_parts_that_do_not_fit_are_not_written(bundle, tmp_path):
     with pytest.raises(ArtifactError, match="shape of B_uc"):
         save_bundle(tmp_path / "model", replace(bundle, B_uc=bundle.B_uc[:, :2]), "card")
     assert not (tmp_path / "model").exists()
 
 
-def test_growth_and_radius_are_stored_in_the_file(bundle: Bundle, folder: Path) -> None:
+def test_growth_and_radius_are_stored_in_the_file(bundle, folder):
     with np.load(folder / "koopman.npz") as archive:
         assert float(archive["spectral_radius"]) == pytest.approx(
             max(abs(np.linalg.eigvals(bundle.A)))
@@ -131,7 +127,7 @@ def test_growth_and_radius_are_stored_in_the_file(bundle: Bundle, folder: Path) 
 
 
 @pytest.mark.parametrize("missing", ["encoder.onnx", "koopman.npz"])
-def test_a_missing_file_is_named(folder: Path, missing: str) -> None:
+def test_a_missing_file_is_named(folder, missing):
     (folder / missing).unlink()
     with pytest.raises(ArtifactError, match=missing) as error:
         load_bundle(folder)
@@ -139,14 +135,14 @@ def test_a_missing_file_is_named(folder: Path, missing: str) -> None:
 
 
 @pytest.mark.parametrize("length", [0, 10, 500])
-def test_a_truncated_archive_is_refused(folder: Path, length: int) -> None:
+def test_a_truncated_archive_is_refused(folder, length):
     path = folder / "koopman.npz"
     path.write_bytes(path.read_bytes()[:length])
     with pytest.raises(ArtifactError, match="truncated"):
         load_bundle(folder)
 
 
-def test_an_altered_encoder_is_refused(folder: Path) -> None:
+def test_an_altered_encoder_is_refused(folder):
     (folder / "encoder.onnx").write_bytes(b"another encoder")
     with pytest.raises(ArtifactError, match="SHA-256"):
         load_bundle(folder)
@@ -167,9 +163,7 @@ def unless_refused(folder: Path) -> Bundle | None:
         return None
 
 
-def test_a_flipped_bit_in_the_matrices_is_refused_or_makes_no_difference(
-    bundle: Bundle, folder: Path
-) -> None:
+def test_a_flipped_bit_in_the_matrices_is_refused_or_makes_no_difference(bundle, folder):
     """No difference: dates and other things that an archive says beside its content."""
     path = folder / "koopman.npz"
     whole = path.read_bytes()
@@ -181,7 +175,7 @@ def test_a_flipped_bit_in_the_matrices_is_refused_or_makes_no_difference(
     assert 200 < loaded.count(None) < 400
 
 
-def test_a_flipped_bit_in_the_encoder_is_refused(bundle: Bundle, folder: Path) -> None:
+def test_a_flipped_bit_in_the_encoder_is_refused(bundle, folder):
     encoder = bytes(random.Random(0).randbytes(2000))
     save_bundle(folder, replace(bundle, encoder_onnx=encoder), "card")
     for seed in range(100):
@@ -190,6 +184,6 @@ def test_a_flipped_bit_in_the_encoder_is_refused(bundle: Bundle, folder: Path) -
             load_bundle(folder)
 
 
-def test_the_hash_is_stored_in_the_file(bundle: Bundle, folder: Path) -> None:
+def test_the_hash_is_stored_in_the_file(bundle, folder):
     with np.load(folder / "koopman.npz") as archive:
         assert str(archive["bundle_sha256"]) == bundle.sha256

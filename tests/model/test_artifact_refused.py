@@ -5,13 +5,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from rt_controller.contract.car import Car
 from rt_controller.contract.errors import ArtifactError
 from rt_controller.contract.limits import SteeringGeometry
 from rt_controller.model.artifact import load_bundle, save_bundle
-from rt_controller.model.bundle import Bundle
 from rt_controller.model.lift import LiftSample
 
 
@@ -25,12 +23,9 @@ def rewrite(folder: Path, **changes: object) -> None:
 
 
 @pytest.mark.parametrize(
-    "key",
-    [
-        *("A", "B_uc", "B_uw", "c", "gains_N", "gains_S", "gains_s0", "signal_range"),
-    ],
+    "key", ["A", "B_uc", "B_uw", "c", "gains_N", "gains_S", "gains_s0", "signal_range"]
 )
-def test_an_altered_matrix_is_refused(folder: Path, key: str) -> None:
+def test_an_altered_matrix_is_refused(folder, key):
     with np.load(folder / "koopman.npz") as archive:
         altered = 0.9 * archive[key]
     rewrite(folder, **{key: altered})
@@ -41,7 +36,7 @@ def test_an_altered_matrix_is_refused(folder: Path, key: str) -> None:
 CAR = SteeringGeometry(wheelbase_m=3.2, rear_axle_m=1.5, steering_ratio=16.0)
 
 
-def test_an_altered_or_missing_geometry_is_refused(bundle: Bundle, tmp_path: Path) -> None:
+def test_an_altered_or_missing_geometry_is_refused(bundle, tmp_path):
     save_bundle(tmp_path, replace(bundle, car=Car(CAR)), "card")
     rewrite(tmp_path, wheelbase_m=np.float64(3.3))
     with pytest.raises(ArtifactError, match="SHA-256"):
@@ -51,7 +46,7 @@ def test_an_altered_or_missing_geometry_is_refused(bundle: Bundle, tmp_path: Pat
         load_bundle(tmp_path)
 
 
-def test_a_geometry_of_no_road_vehicle_is_refused(bundle: Bundle, tmp_path: Path) -> None:
+def test_a_geometry_of_no_road_vehicle_is_refused(bundle, tmp_path):
     other = replace(bundle, car=Car(CAR._replace(wheelbase_m=2910.0, steering_ratio=0.05)))
     with pytest.raises(ArtifactError, match=r"wheelbase_m: .* 2910.0; steering_ratio: .* 0.05"):
         save_bundle(tmp_path, other, "card")
@@ -164,9 +159,7 @@ HISTORY = ("vx_mps", "vy_mps", "yaw_rate_radps", "throttle", "brake_n", "steer_r
         ("bundle_sha256", None, "'bundle_sha256'"),
     ],
 )
-def test_fields_that_do_not_fit_are_refused(
-    folder: Path, field: str, value: NDArray[np.generic] | None, message: str
-) -> None:
+def test_fields_that_do_not_fit_are_refused(folder, field, value, message):
     rewrite(folder, **{field: value})
     with pytest.raises(ArtifactError, match=message) as error:
         load_bundle(folder)
@@ -175,7 +168,7 @@ def test_fields_that_do_not_fit_are_refused(
     assert "offline-export" in str(error.value)
 
 
-def test_a_bundle_without_self_test_is_refused(bundle: Bundle, tmp_path: Path) -> None:
+def test_a_bundle_without_self_test_is_refused(bundle, tmp_path):
     nothing = LiftSample(*(part[:0] for part in bundle.selftest))
     with pytest.raises(ArtifactError, match="self-test instants, found 9 and 0"):
         save_bundle(
@@ -183,7 +176,7 @@ def test_a_bundle_without_self_test_is_refused(bundle: Bundle, tmp_path: Path) -
         )
 
 
-def test_fewer_observables_than_states_are_refused(bundle: Bundle, tmp_path: Path) -> None:
+def test_fewer_observables_than_states_are_refused(bundle, tmp_path):
     small = replace(
         bundle,
         A=np.eye(5),
@@ -197,7 +190,7 @@ def test_fewer_observables_than_states_are_refused(bundle: Bundle, tmp_path: Pat
         save_bundle(tmp_path, small, "card")
 
 
-def test_pickles_are_never_loaded(folder: Path) -> None:
+def test_pickles_are_never_loaded(folder):
     rewrite(folder, c=np.array([{"a": "pickle"}], dtype=object))
     with pytest.raises(ArtifactError, match="pickles"):
         load_bundle(folder)
@@ -206,13 +199,13 @@ def test_pickles_are_never_loaded(folder: Path) -> None:
 @pytest.mark.parametrize(
     "content", [b"PK\x03\x04", b"\x93NUMPY", b"text", b"PK\x05\x06" + bytes(18)]
 )
-def test_files_that_are_not_a_bundle_are_refused(folder: Path, content: bytes) -> None:
+def test_files_that_are_not_a_bundle_are_refused(folder, content):
     (folder / "koopman.npz").write_bytes(content)
     with pytest.raises(ArtifactError, match="expected"):
         load_bundle(folder)
 
 
-def test_a_folder_in_place_of_a_file_is_refused(folder: Path) -> None:
+def test_a_folder_in_place_of_a_file_is_refused(folder):
     (folder / "koopman.npz").unlink()
     (folder / "koopman.npz").mkdir()
     with pytest.raises(ArtifactError, match="nothing readable"):

@@ -57,10 +57,7 @@ CONTENTS: dict[Message[Any], Any] = {
 def can_frame(codec: FrameCodec, data: bytes) -> can.Message:
     """One frame as it comes from the bus."""
     return can.Message(
-        arbitration_id=codec.arbitration_id,
-        is_extended_id=False,
-        data=data,
-        check=True,
+        arbitration_id=codec.arbitration_id, is_extended_id=False, data=data, check=True
     )
 
 

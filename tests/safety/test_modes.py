@@ -18,14 +18,7 @@ from rt_controller.safety.freshness import (
     TransportDelay,
     is_fresh,
 )
-from rt_controller.safety.modes import (
-    BUS_CAUSES,
-    TRANSITIONS,
-    Event,
-    classify,
-    decide,
-    next_mode,
-)
+from rt_controller.safety.modes import BUS_CAUSES, TRANSITIONS, Event, classify, decide, next_mode
 from rt_controller.safety.stop import Braking
 from rt_controller.safety.tick import Estimate, Tick
 
