@@ -74,8 +74,6 @@ def test_the_controller_receives_every_message(rig):
 
 def test_missing_states_are_computed_from_pose_line_and_yaw_rate(rig):
     """On a circle of 1000 m, 0.5 m to its left, 0.01 rad to the left of its tangent."""
-    from math import cos, sin
-
     along, radius = 0.02, 999.5
     at = {
         "pose__x": radius * sin(along),

@@ -9,6 +9,7 @@ import pytest
 from own_car import (
     EXAMPLE,
     VALUES,
+    changed,
     command_reader,
     command_writer,
     example,
@@ -234,18 +235,6 @@ def test_a_signal_without_a_unit_in_the_dbc_has_that_of_the_mapping():
     assert found == pytest.approx(0.25)
 
 
-def changed(tmp_path, *replacements):
-    text = EXAMPLE.read_text()
-    for old, new in replacements:
-        assert old in text
-        text = text.replace(old, new)
-    for name in ("car.dbc", "line.csv"):
-        (tmp_path / name).write_text((EXAMPLE.parent / name).read_text())
-    path = tmp_path / "car.toml"
-    path.write_text(text)
-    return path
-
-
 def test_the_example_is_a_mapping_of_offline_import_too():
     log_mapping = pytest.importorskip("offline.logs.mapping")
     mapping, _ = log_mapping.read_mapping(EXAMPLE)
@@ -267,11 +256,12 @@ def test_the_example_is_a_mapping_of_offline_import_too():
             *("[messages.WheelSpeed]", "[messages.WheelSped]"),
             r"messages of car\.dbc, found WheelSped",
         ),
+        ("WheelSpeed: 8", "WheelSpeed: 1", r"messages\.WheelSpeed: expected a message that can be"),
     ],
 )
 def test_a_mapping_for_driving_is_refused_with_what_is_missing(tmp_path, old, new, message):
     with pytest.raises(ConfigError, match=message):
-        read_car(changed(tmp_path, (old, new)))
+        changed(tmp_path, (old, new))
     with pytest.raises(ConfigError, match=r".*none\.toml: expected a mapping file"):
         read_car(tmp_path / "none.toml")
 
@@ -366,15 +356,6 @@ def test_a_defect_beside_the_messages_is_none_of_theirs(tmp_path, defect):
     message, signal = find_source("here", database, "Inertial.YawRate")
     assert (signal.length, str(signal.choices[-32768])) == (16, "SNA")
     assert message.cycle_time == (None if "StartValue" in defect else 20)
-
-
-def test_a_mapped_message_with_a_defect_is_refused_with_its_reason(tmp_path):
-    for name in ("car.dbc", "line.csv", "car.toml"):
-        (tmp_path / name).write_bytes((EXAMPLE.parent / name).read_bytes())
-    dbc = tmp_path / "car.dbc"
-    dbc.write_text(dbc.read_text().replace("WheelSpeed: 8", "WheelSpeed: 1"))
-    with pytest.raises(ConfigError, match=r"messages\.WheelSpeed: expected a message that can be"):
-        read_car(tmp_path / "car.toml")
 
 
 @pytest.mark.parametrize(
