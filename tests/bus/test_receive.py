@@ -7,8 +7,16 @@ from unittest.mock import Mock
 
 import can
 import pytest
-from made_frames import CONTENTS, CONTROL, PATH, SAMPLE, can_frames, decode_frames, encode_frames
-from recorded_frames import RecordedFrames
+from made_frames import (
+    CONTENTS,
+    CONTROL,
+    PATH,
+    SAMPLE,
+    RecordedFrames,
+    can_frames,
+    decode_frames,
+    encode_frames,
+)
 
 from rt_controller.bus.condition import BusState
 from rt_controller.bus.messages import COMMAND, REFERENCE, STATE, Command, Message, Node

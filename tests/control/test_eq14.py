@@ -2,8 +2,7 @@
 
 import numpy as np
 import pytest
-from made_models import one_step
-from model_classes import RANGE, VARIANTS, knots_of, made
+from made_models import RANGE, VARIANTS, knots_of, made, one_step
 from random_problems import COST, HORIZON, TIERS, optimum, random_bundle, update_vectors
 
 from rt_controller.config import MpcSettings

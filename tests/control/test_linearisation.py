@@ -2,8 +2,7 @@
 
 import numpy as np
 import pytest
-from made_models import WITH_ALL
-from model_classes import RANGE, VARIANTS, knots_of, made
+from made_models import RANGE, VARIANTS, WITH_ALL, knots_of, made
 
 from rt_controller.contract.signals import N_STATES
 from rt_controller.control.eq14 import Linearisation
