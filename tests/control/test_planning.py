@@ -57,14 +57,6 @@ KNOTS = place_knots(20, 20)
 CRUISING = VehicleState(20.0, 0.0, 0.0, 20.0 * PERIOD_S, 0.0, 0.0)
 
 
-def test_the_heading_error_changes_at_the_yaw_rate_minus_that_of_the_road():
-    path = PathReference(0.0, 0.0, 0.002, 0.0, 20.0, 0.0)
-    x = ReferenceHorizon(KNOTS).expand(path, CRUISING, 0.001)
-    assert x[0, 2] == pytest.approx(20.0 * (0.001 + 0.004))
-    turned = 0.5 * (x[0, 2] + x[-1, 2] - 40.0 * 0.001) * 20 * PERIOD_S
-    assert x[-1, 5] - x[0, 5] == pytest.approx(turned, rel=0.01)
-
-
 @pytest.mark.parametrize("seed", range(5))
 def test_every_stage_is_the_path_evaluated_at_its_arc_length(seed):
     rng = np.random.default_rng(seed)

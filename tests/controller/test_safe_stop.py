@@ -17,12 +17,6 @@ from rt_controller.contract.signals import AT_REST, NEUTRAL_INPUT, Mode
 from rt_controller.safety.stop import ALONG_PATH
 
 
-def test_a_vehicle_whose_watchdog_brakes_causes_a_safe_stop(rig):
-    rig.tick(3)
-    rig.vehicle.is_watchdog_braking = True
-    assert mode_and_cause(rig.tick()) == (Mode.SAFE_STOP, StopCause.VEHICLE_BRAKING)
-
-
 def test_another_message_catalogue_causes_a_safe_stop(rig):
     rig.tick(3)
     other, own = Identity(1, None), own_identity(None)

@@ -18,14 +18,6 @@ from rt_controller.control.program import SolveStatus
 NOT_ENGAGED = ENGAGED._replace(is_engaged=False)
 
 
-def test_without_an_engaged_mission_the_controller_stands_by(rig):
-    rig.vehicle.mission = NOT_ENGAGED
-    result = rig.tick(5)
-    assert result.mode is Mode.STANDBY
-    assert rig.command.content.control == (0.0, 0.0, 0.0)
-    assert result.qp_iterations == 0
-
-
 def test_a_missing_state_holds_the_plan_for_two_ticks_and_then_stops(rig):
     rig.tick(5)
     plan = rig.mpc.inputs.copy()
@@ -77,6 +69,8 @@ def test_the_end_of_a_mission_releases_the_pedals(rig):
     result = rig.tick()
     assert result.mode is Mode.STANDBY
     assert result.control.throttle == 0.0
+    assert rig.tick(60).qp_iterations == 0
+    assert rig.command.content.control == (0.0, 0.0, 0.0)
 
 
 def test_the_vehicle_receives_the_result_of_the_step(rig):

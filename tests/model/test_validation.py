@@ -22,12 +22,9 @@ def refusal(bundle: Bundle) -> str:
 
 
 @pytest.mark.parametrize("name", ["lti", "mdk-net", "mdk-net-paper"])
-def test_the_shipped_models_are_drivable(name):
+def test_the_shipped_models_and_one_with_every_part_are_drivable(name, bundle):
     require_drivable(load_bundle(shipped_model(name)))
-
-
-def test_a_bilinear_model_with_curvature_and_history_is_drivable(bundle):
-    require_drivable(bundle)
+    require_drivable(bundle)  # bilinear, with curvature and history
 
 
 def test_a_model_of_other_signals_is_not_drivable(planar):
