@@ -30,18 +30,6 @@ def test_spread_is_the_standard_deviation_or_the_size_of_a_constant(bundle):
     np.testing.assert_array_equal(spread[7:], [3.0, 1.0])
 
 
-def test_parity_error_is_relative_to_the_spread_of_each_observable(bundle):
-    psi = bundle.selftest_psi.copy()
-    psi[:, 8] *= 1e-4
-    small = replace(bundle, selftest_psi=psi)
-    lifted = psi.copy()
-    assert small.parity_error(lifted) == 0.0
-    lifted[2, 8] += 0.01 * small.spread[8]
-    assert small.parity_error(lifted) == pytest.approx(0.01)
-    lifted[0, 0] = np.nan
-    assert np.isnan(small.parity_error(lifted))
-
-
 def test_the_hash_changes_with_everything_that_affects_a_prediction(bundle):
     gains = bundle.gains
     assert gains is not None
