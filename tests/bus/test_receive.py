@@ -17,7 +17,7 @@ from made_frames import (
     encode_frames,
 )
 
-from rt_controller.bus.condition import BusState
+from rt_controller.bus.condition import BusCondition, BusState
 from rt_controller.bus.messages import COMMAND, REFERENCE, STATE, Command, Message, Node
 from rt_controller.bus.receive import (
     BACKLOG_FRAMES,
@@ -173,8 +173,14 @@ def test_an_interface_that_is_down_is_no_failure(monkeypatch):
         inbox.require_readable()
         far.send(command(0), timeout=0)
         assert inbox.drain(near, 1) == 1
-    assert inbox.condition.state is BusState.ACTIVE
-    assert inbox.counts == NO_TROUBLE
+        assert inbox.condition == BusCondition(link_downs=1)
+        assert inbox.counts == NO_TROUBLE
+        for number in (errno.ENODEV, errno.EBADF):
+            gone = Mock(side_effect=can.CanOperationError("gone", number))
+            monkeypatch.setattr(near, "recv", gone)
+            inbox.drain(near, 2)
+    assert inbox.condition == BusCondition(link_downs=1)
+    assert inbox.counts == ReceptionCounts(receive_failures=2)
 
 
 def test_frames_that_the_socket_lost_are_counted_after_a_backlog(monkeypatch):
