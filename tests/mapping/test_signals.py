@@ -211,11 +211,17 @@ def test_a_compass_heading_is_sent_in_the_range_of_its_signal(yaw_rad):
     assert (found - yaw_rad + 0.1) % (2.0 * pi) == pytest.approx(0.1, abs=1e-4)
 
 
-def test_a_factor_converts_to_another_quantity():
-    column = ColumnMapping(column="Pressure", unit="N", factor=3.0)
-    sent, found = both_ways(Slot("commands.brake_n", column, "N", ANY), 60.0)
-    assert sent["Pressure"] == pytest.approx(20.0)
-    assert found == pytest.approx(60.0)
+@pytest.mark.parametrize(
+    ("column", "si", "value", "raw"),
+    [
+        ({"column": "Pressure", "unit": "N", "factor": 3.0}, "N", 60.0, 20.0),
+        ({"column": "Pedal", "unit": "%"}, "1", 0.25, 25.0),  # without a unit in the DBC
+    ],
+)
+def test_a_value_is_converted_by_unit_and_factor(column, si, value, raw):
+    sent, found = both_ways(Slot("commands.any", ColumnMapping(**column), si, ANY), value)
+    assert sent[column["column"]] == pytest.approx(raw)
+    assert found == pytest.approx(value)
 
 
 @pytest.mark.parametrize(
@@ -226,13 +232,6 @@ def test_another_unit_than_that_of_the_dbc_is_refused(unit, factor, si, hint):
     column = ColumnMapping(column="Pressure", unit=unit, factor=factor)
     with pytest.raises(DatasetError, match=hint):
         both_ways(Slot("commands.brake_n", column, si, ANY), 1.0)
-
-
-def test_a_signal_without_a_unit_in_the_dbc_has_that_of_the_mapping():
-    column = ColumnMapping(column="Pedal", unit="%")
-    sent, found = both_ways(Slot("commands.throttle", column, "1", ANY), 0.25)
-    assert sent["Pedal"] == 25.0
-    assert found == pytest.approx(0.25)
 
 
 def test_the_example_is_a_mapping_of_offline_import_too():
