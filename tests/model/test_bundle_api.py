@@ -30,6 +30,8 @@ def test_a_missing_folder_is_refused_with_a_remedy(tmp_path):
     remedy = r"none': expected one of lti, .*, or a folder that offline-export wrote"
     with pytest.raises(ArtifactError, match=remedy):
         Bundle.load(tmp_path / "none")
+    with pytest.raises(ArtifactError, match="koopman.npz.*Point `model`"):
+        Bundle.load(tmp_path)
 
 
 def test_a_linear_bundle_has_the_matrices_and_the_identity_as_its_lift(lti):
