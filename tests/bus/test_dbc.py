@@ -13,10 +13,8 @@ from rt_controller.bus.identity import (
     hash_of_catalogue,
     leading_digits,
     model_hash,
-    require_same_catalogue,
 )
-from rt_controller.bus.messages import CATALOGUE, Identity
-from rt_controller.contract.errors import BusError
+from rt_controller.bus.messages import CATALOGUE
 from rt_controller.contract.faults import Fault, Refusal
 from rt_controller.contract.signals import Mode
 
@@ -28,11 +26,6 @@ MESSAGES: list[Message] = DATABASE.messages
 def layout_of(message: str, signal: str) -> SignalLayout:
     codec = next(codec for codec in CODECS if codec.name == message)
     return next(layout for layout in codec.signals if layout.name == signal)
-
-
-def test_the_program_defines_exactly_the_messages_of_the_dbc():
-    defined = {(codec.name, codec.arbitration_id) for codec in CODECS}
-    assert defined == {(message.name, message.frame_id) for message in MESSAGES}
 
 
 def test_every_quantity_has_a_unit_and_a_raw_value_that_is_never_valid():
@@ -95,14 +88,9 @@ def test_hashes_never_have_the_value_of_not_available():
     assert leading_digits("f" * 64, 8) == 0xFFFF_FFFE
 
 
-def test_a_peer_with_another_catalogue_is_refused():
-    require_same_catalogue(Identity(dbc_hash(), None))
-    peer = Identity(dbc_hash() ^ 1, None)
-    with pytest.raises(BusError, match=r"expected .* found .*one version"):
-        require_same_catalogue(peer)
-
-
-def test_the_frames_carry_their_signals_in_the_order_and_period_of_the_program():
+def test_the_program_has_the_messages_of_the_dbc_with_their_signals_in_order_and_period():
+    defined = {(codec.name, codec.arbitration_id) for codec in CODECS}
+    assert defined == {(message.name, message.frame_id) for message in MESSAGES}
     for definition in CATALOGUE.messages:
         for codec in definition.codecs:
             message: Message = DATABASE.get_message_by_name(codec.name)

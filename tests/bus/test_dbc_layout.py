@@ -5,7 +5,6 @@ Imports no codec, which a DBC with another layout would break.
 
 import cantools
 import pytest
-from cantools.database.can import Message
 
 from rt_controller.bus.dbc import DBC_PATH, data_ids_of
 
@@ -13,7 +12,7 @@ DATABASE = cantools.database.load_file(DBC_PATH, strict=True)
 
 
 @pytest.mark.parametrize("message", DATABASE.messages, ids=lambda message: message.name)
-def test_a_frame_has_the_head_of_profile_22_and_integers_of_whole_bytes(message: Message) -> None:
+def test_a_frame_has_the_head_of_profile_22_and_integers_of_whole_bytes(message):
     signals = sorted(message.signals, key=lambda signal: signal.start)
     has_valid = any(signal.name == "Valid" for signal in signals)
     flags = [("Valid", 12, 1), ("Cycle", 13, 3)] if has_valid else [("Mode", 12, 4)]
@@ -29,9 +28,7 @@ def test_a_frame_has_the_head_of_profile_22_and_integers_of_whole_bytes(message:
 
 
 @pytest.mark.parametrize("message", DATABASE.messages, ids=lambda message: message.name)
-def test_a_message_is_a_classic_frame_with_comments_receiver_and_protection(
-    message: Message,
-) -> None:
+def test_a_message_is_a_classic_frame_with_comments_receiver_and_protection(message):
     assert all((message.comment, *(signal.comment for signal in message.signals)))
     assert (message.length, message.is_extended_frame, message.is_fd) == (8, False, False)
     assert len(message.senders) == 1

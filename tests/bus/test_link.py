@@ -11,11 +11,8 @@ from made_frames import CONTENTS, CONTROL, ENGAGED, can_frame, can_frames
 from rt_controller.bus.codec import FrameCodec
 from rt_controller.bus.identity import (
     DISENGAGED_FRAMES,
-    MISMATCHED_FRAMES,
     Engagement,
-    PeerCatalogue,
     is_heartbeat_of,
-    own_identity,
 )
 from rt_controller.bus.messages import (
     CATALOGUE,
@@ -23,7 +20,6 @@ from rt_controller.bus.messages import (
     MISSION,
     Command,
     Heartbeat,
-    Identity,
     Mission,
     Node,
 )
@@ -135,7 +131,6 @@ def test_long_random_sequences_lead_to_the_states_of_the_oracle(damage):
 
 
 OVER = ENGAGED._replace(is_engaged=False)
-OTHER = Identity(1, None)
 
 
 def confirmed(script: str) -> list[bool]:
@@ -165,24 +160,6 @@ def confirmed(script: str) -> list[bool]:
 def test_a_mission_ends_after_several_frames_in_a_row(script, expected):
     assert confirmed(script) == [letter == "E" for letter in expected]
     assert DISENGAGED_FRAMES == 3
-
-
-def test_another_catalogue_is_that_of_several_identities_in_a_row():
-    peer = PeerCatalogue()
-    assert not peer.is_another(None)
-    for place, (identity, is_another) in enumerate(
-        [
-            (OTHER, False),
-            (own_identity(None), False),
-            (OTHER, False),
-            (OTHER, True),
-            (own_identity(None), False),
-        ]
-    ):
-        received = Received(identity, place, place)
-        assert peer.is_another(received) is is_another
-        assert peer.is_another(received) is is_another
-    assert MISMATCHED_FRAMES == 2
 
 
 @pytest.mark.parametrize(

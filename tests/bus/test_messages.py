@@ -128,7 +128,6 @@ def test_what_is_counted_or_named_arrives_as_it_was_sent(message, content):
         *((FEEDBACK, CONTROL._replace(**{field: nan})) for field in CONTROL._fields),
         *((REFERENCE, PATH._replace(**{field: 500.0})) for field in PATH._fields),
         *((PREVIEW, BEND._replace(**{field: nan})) for field in ("spacing_m", "k0_per_m")),
-        (PREVIEW, None),
         (MISSION, Mission(True, False, 1, 61_000_000_000)),
     ],
 )

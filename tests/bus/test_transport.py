@@ -203,17 +203,6 @@ def test_error_frames_give_the_state_and_are_counted(frames, state, counts):
     assert state.is_disturbed == (state not in (BusState.ACTIVE, BusState.WARNING))
 
 
-def test_an_interface_that_is_down_is_no_failure_and_recovers_with_the_next_frame():
-    condition = BusCondition()
-    assert condition.note_failure(can.CanOperationError("Network is down", errno.ENETDOWN))
-    assert (condition.state, condition.link_downs) == (BusState.DOWN, 1)
-    condition.note_frame()
-    assert condition.state is BusState.ACTIVE
-    for number in (errno.ENODEV, errno.EBADF, None):
-        assert not condition.note_failure(can.CanOperationError("gone", number))
-    assert condition == BusCondition(link_downs=1)
-
-
 def test_a_full_queue_is_distinguished_from_other_failures():
     assert is_queue_full(can.CanOperationError("No buffer space available", errno.ENOBUFS))
     assert is_queue_full(can.CanOperationError("Transmit buffer full"))

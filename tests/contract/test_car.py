@@ -21,7 +21,6 @@ from rt_controller.model.artifact import load_bundle, save_bundle, shipped_model
 from rt_controller.model.bundle import Bundle
 from rt_controller.node import build_mpc
 from rt_controller.safety.checks import CHECKS, checks_of
-from rt_controller.safety.stop import braking_for
 from rt_controller.vehicle.vehicle_envelope import OwnMotion, refusals
 
 TABLE = """
@@ -43,7 +42,7 @@ def test_a_table_gives_the_car_and_the_rest_is_that_of_the_default_car():
     assert OWN.geometry == (2.7, 1.4, 15.0, 8.0)
     assert OWN.limits.upper == DEFAULT_CAR.limits.upper._replace(brake_n=90.0)
     assert OWN.limits.rate_per_s == DEFAULT_CAR.limits.rate_per_s._replace(steer_rad=1.2)
-    assert (OWN.plan_lateral_mps2, OWN.throttle_mps2) == (7.0, None)
+    assert (OWN.plan_lateral_mps2, OWN.throttle_mps2, OWN.force_scale) == (7.0, None, 0.5)
     assert DEFAULT_CAR.own_values == UNNAMED_CAR.own_values == {}
 
 
@@ -105,14 +104,6 @@ def test_the_envelope_of_the_vehicle_is_that_of_its_car():
     assert found(turned._replace(steer_rad=1.3 * PERIOD_S)) == Refusal.STEERING
     wide = NEUTRAL_INPUT._replace(steer_rad=0.5)
     assert found(wide, wide) == Refusal.LATERAL_ACCELERATION
-
-
-def test_a_stop_of_a_car_with_a_stronger_brake_needs_less_force():
-    usual = braking_for(StopCause.NONE, True, AT_REST, 0.0)
-    found = braking_for(StopCause.NONE, True, AT_REST, 0.0, force_scale=OWN.force_scale)
-    assert found == (0.5 * usual.most_n, 0.5 * usual.rate_n_per_s)
-    full = braking_for(StopCause.STEERING_MISMATCH, True, AT_REST, 0.0, force_scale=0.1)
-    assert full == (15.0, 50.0)
 
 
 def test_the_plan_knows_the_bounds_of_the_car():

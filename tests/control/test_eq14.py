@@ -1,9 +1,8 @@
-"""The condensed QP: its objective is the predicted cost, its solution that of the sparse QP."""
+"""The condensed QP has the objective and solution of the sparse one; its model the Jacobian."""
 
 import numpy as np
 import pytest
-from made_models import one_step
-from model_classes import RANGE, VARIANTS, knots_of, made
+from made_models import RANGE, VARIANTS, WITH_ALL, knots_of, made, one_step
 from random_problems import COST, HORIZON, TIERS, optimum, random_bundle, update_vectors
 
 from rt_controller.config import MpcSettings
@@ -11,10 +10,12 @@ from rt_controller.contract.errors import ArtifactError
 from rt_controller.contract.limits import INPUT_LIMITS
 from rt_controller.contract.signals import N_STATES, ControlInput
 from rt_controller.contract.timing import PERIOD_S
-from rt_controller.control.eq14 import SLOWEST_MPS, CondensedQp, Corridor
+from rt_controller.control.eq14 import SLOWEST_MPS, CondensedQp, Corridor, Linearisation
 from rt_controller.control.pedals import PedalChoice
 from rt_controller.control.piqp_solver import PiqpSolver
 from rt_controller.control.program import SolveStatus
+from rt_controller.model.artifact import load_bundle, shipped_model
+from rt_controller.model.dynamics import Step
 
 
 def sparse_plan(qp, bundle, cost, corridor):
@@ -248,3 +249,31 @@ def test_only_the_matrices_of_a_linear_model_with_a_cost_of_epsi_are_constant(he
     for variant in VARIANTS:
         is_constant = variant == "linear" and heading == "epsi"
         assert CondensedQp(made(variant), HORIZON, cost).matrices_vary is not is_constant
+
+
+BUNDLES = {name: lambda name=name: made(name) for name in VARIANTS}
+BUNDLES |= {f"{name}, history": lambda name=name: made(name, lift=WITH_ALL) for name in VARIANTS}
+for name in ("lti", "mdk-net", "mdk-net-paper"):
+    BUNDLES[name] = lambda name=name: load_bundle(shipped_model(name))
+
+
+@pytest.mark.parametrize("bundle", BUNDLES.values(), ids=BUNDLES)
+def test_the_products_with_the_jacobian_are_finite_differences_of_a_step(bundle):
+    bundle, rng = bundle(), np.random.default_rng(3)
+    step, inputs = Step(bundle), knots_of(20)
+    after = rng.normal(size=(3, N_STATES)) @ np.eye(N_STATES, bundle.n_observables)  # rows y
+    for psi_0 in bundle.selftest_psi[:2]:
+        found = Linearisation(bundle, 20, range(N_STATES))
+        found.update(psi_0, inputs, 0.002)
+        psi = psi_0
+        for k, u in enumerate(inputs):
+            np.testing.assert_allclose(found.psi[k], psi, rtol=1e-12, atol=1e-12)
+            at = np.array([*u, 0.002, 1.0])
+            by_psi, by_input = found.times_jacobian(after, k)
+            for _ in range(3):
+                d_psi = 1e-5 * bundle.spread * rng.normal(size=psi.size)
+                d_at = np.array([*(1e-5 * RANGE * rng.normal(size=3)), 1e-7, 0.0])
+                change = 0.5 * after @ (step(psi + d_psi, at + d_at) - step(psi - d_psi, at - d_at))
+                expected = by_psi @ d_psi + by_input @ d_at[:4]
+                np.testing.assert_allclose(change, expected, atol=1e-6 * np.abs(change).max())
+            psi = step(psi, at)

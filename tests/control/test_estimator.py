@@ -70,13 +70,7 @@ def test_the_response_to_a_disturbance_is_that_of_the_kinematics():
 
 
 @pytest.mark.usefixtures("unfiltered")
-def test_the_estimate_converges_to_a_constant_disturbance():
-    found = estimated(450).disturbance[OBSERVED]
-    np.testing.assert_allclose(found, DISTURBANCE[OBSERVED], rtol=0.02, atol=2e-5)
-
-
-@pytest.mark.usefixtures("unfiltered")
-def test_the_estimate_outlasts_a_missing_period_and_not_another_drive():
+def test_the_estimate_converges_and_outlasts_a_missing_period_but_not_the_drive():
     estimator = estimated(450, missing=445)
     np.testing.assert_allclose(
         estimator.disturbance[OBSERVED], DISTURBANCE[OBSERVED], rtol=0.02, atol=2e-5

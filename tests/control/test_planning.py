@@ -1,25 +1,18 @@
 """What a QP is made from: knots, references, pedals, and plans of earlier periods."""
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 
 from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.limits import PEDAL_CHANGE_S
 from rt_controller.contract.signals import (
-    AT_REST,
-    NEUTRAL_INPUT,
     CurvaturePreview,
-    Mode,
     PathReference,
     VehicleState,
 )
 from rt_controller.contract.timing import PERIOD_S
-from rt_controller.control.input_planner import InputPlanner
 from rt_controller.control.knots import place_knots
 from rt_controller.control.pedals import Pedal, PedalChoice, limit_pedals
-from rt_controller.control.program import SolveStatus
 from rt_controller.control.reference import ReferenceHorizon
 
 
@@ -55,14 +48,6 @@ def test_other_numbers_are_refused(horizon, count):
 
 KNOTS = place_knots(20, 20)
 CRUISING = VehicleState(20.0, 0.0, 0.0, 20.0 * PERIOD_S, 0.0, 0.0)
-
-
-def test_the_heading_error_changes_at_the_yaw_rate_minus_that_of_the_road():
-    path = PathReference(0.0, 0.0, 0.002, 0.0, 20.0, 0.0)
-    x = ReferenceHorizon(KNOTS).expand(path, CRUISING, 0.001)
-    assert x[0, 2] == pytest.approx(20.0 * (0.001 + 0.004))
-    turned = 0.5 * (x[0, 2] + x[-1, 2] - 40.0 * 0.001) * 20 * PERIOD_S
-    assert x[-1, 5] - x[0, 5] == pytest.approx(turned, rel=0.01)
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -213,58 +198,3 @@ def test_knots_have_the_bounds_of_their_stages():
     every_stage = ceilings(choice, throttle=0.5, brake=0.0)
     found = ceilings(choice, throttle=0.5, brake=0.0, periods=knots)
     np.testing.assert_array_equal(found, every_stage[knots - 1])
-
-
-PLANNED_PATH = PathReference(0.0, 0.0, 0.0, 0.0, 20.0, 0.0)
-
-
-class Planned:
-    """An `Mpc` whose plans are known, and a law that leaves all to it."""
-
-    law = Mode.NOMINAL
-    iterations = solve_ns = 0
-    lifted, most_plan_rad = None, 1.0
-    status = SolveStatus.SOLVED
-
-    def __init__(self, horizon):
-        self.inputs = np.arange(3.0 * horizon).reshape(horizon, 3)
-
-    def plan(self, *_):
-        return self.status
-
-    def limit_steering(self, *_): ...
-
-    def choose(self, *_):
-        return Mode.NOMINAL
-
-
-def plan(planner):
-    return planner.plan(AT_REST, 0.0, PLANNED_PATH, None, NEUTRAL_INPUT, 1, stops=False).control
-
-
-def test_inputs_are_returned_in_turn_and_none_after_the_last():
-    mpc = Planned(3)
-    planner = InputPlanner(mpc, mpc)
-    assert plan(planner) == (0.0, 1.0, 2.0)
-    assert planner.periods_held == 0
-    mpc.inputs[:] = 9.0  # the plan is a copy
-    mpc.status = SolveStatus.NUMERICS
-    assert plan(planner) == (3.0, 4.0, 5.0)
-    assert planner.hold(1).control == (6.0, 7.0, 8.0)
-    assert planner.hold(1).control is None
-    assert planner.periods_held == 3
-
-
-def test_skipped_periods_skip_inputs():
-    mpc = Planned(4)
-    planner = InputPlanner(mpc, mpc)
-    plan(planner)
-    assert planner.hold(3).control == (9.0, 10.0, 11.0)
-    assert planner.hold(2).control is None
-
-
-def test_without_a_plan_there_is_no_input():
-    mpc = SimpleNamespace(inputs=np.zeros((5, 3)))
-    planner = InputPlanner(mpc, mpc)
-    assert planner.hold(1).control is None
-    assert planner.periods_held >= 5

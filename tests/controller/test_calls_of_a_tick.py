@@ -44,9 +44,7 @@ def counts(monkeypatch: pytest.MonkeyPatch) -> Counter[tuple[str, str]]:
     return found
 
 
-def test_a_tick_makes_no_more_calls_and_records_than_before(
-    counts: Counter[tuple[str, str]],
-) -> None:
+def test_a_tick_makes_no_more_calls_and_records_than_before(counts):
     own = {key: count for key, count in counts.items() if key[0].startswith(ROOT)}
     records = sum(count for (file, _), count in counts.items() if file == "<string>")
     files = {file for file, _ in own}

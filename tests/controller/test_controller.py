@@ -173,27 +173,10 @@ def test_a_controller_is_made_of_a_model_and_settings_and_refuses_others():
     [
         (MpcSettings, {"horizon": 1}, "MpcSettings.horizon: expected at least 3, found 1."),
         (MpcSettings, {"horizont": 9}, "horizont: no such setting (did you mean horizon?)."),
-        (
-            ControllerConfig,
-            {"mpc": {"tolerance": {"ey_m": 0}}},
-            "mpc.tolerance.ey_m: expected at least",
-        ),
-        (
-            CarSettings,
-            {"car": 4},
-            "CarSettings.car: expected 'c_class_150kw_awd', 'c_class_125kw_fwd', "
-            "'c_class_150kw_bev' or 'commonroad_vehicle_2', or a text, found 4.",
-        ),
-        (
-            ControllerConfig,
-            {"model": 5},
-            "expected 'mdk-net', 'mdk-net-paper' or 'lti', or a text, or a path, found 5.",
-        ),
-        (
-            BusSettings,
-            {"bus": "socketcan", "bus_option": {"fd": True}},
-            "BusSettings.bus_option.fd: expected a text, found True.",
-        ),
+        (ControllerConfig, {"mpc": {"tolerance": {"ey_m": 0}}}, "mpc.tolerance.ey_m: expected"),
+        (CarSettings, {"car": 4}, "CarSettings.car: expected 'c_class_150kw_awd', "),
+        (ControllerConfig, {"model": 5}, "or 'lti', or a text, or a path, found 5."),
+        (BusSettings, {"bus": "socketcan", "bus_option": {"fd": True}}, "bus_option.fd: expected"),
     ],
 )
 def test_a_refused_field_is_named_with_what_was_expected_and_found(table, values, expected):

@@ -135,15 +135,6 @@ def test_a_safe_stop_that_was_reset_does_not_decide_how_a_later_run_ends(rig, re
     assert record.deadlines.ticks == pytest.approx(6 * TICKS_PER_S - STANDBY_TICKS, abs=2)
 
 
-def test_a_loop_that_stays_waits_for_the_next_mission(rig, record):
-    def alternate_missions(now_ns):
-        rig.vehicle.mission = Mission(now_ns % SECOND_NS < SECOND_NS // 2, False, 1, VALID_NS)
-
-    rig.vehicle.after_sending = alternate_missions
-    run_loop(rig.step, rig.clock, record, UrgentAt(rig, 4 * SECOND_NS), waits_for_missions=True)
-    assert record.deadlines.ticks > 4 * TICKS_PER_S - 5
-
-
 def test_an_error_in_a_tick_is_raised_after_a_safe_command_was_sent(rig, record, monkeypatch):
     def divide_by_zero(*_):
         raise ZeroDivisionError("planted")

@@ -6,7 +6,7 @@ from typing import Any
 import can
 import pytest
 from made_frames import BEND
-from scripted_vehicle import CRUISING, ENGAGED, STRAIGHT, Rig, build_rig, mode_and_cause
+from scripted_vehicle import CRUISING, ENGAGED, STRAIGHT, Rig, mode_and_cause
 
 from rt_controller.bus.messages import PREVIEW, REFERENCE, STATE, Node, StateSample
 from rt_controller.bus.send import Outbox
@@ -106,12 +106,6 @@ def test_damaged_frames_among_good_ones_end_in_a_safe_stop(rig):
     after_sending(rig, lambda: rig.vehicle_bus.send(damaged))
     assert [rig.tick().mode for _ in range(3)] == [Mode.NOMINAL] * 3
     assert rig.tick(4).mode is Mode.SAFE_STOP
-
-
-@pytest.fixture
-def rig(mpc_of_session):
-    with build_rig(mpc_of_session) as built:
-        yield built
 
 
 def previews_of(rig: Rig, monkeypatch: pytest.MonkeyPatch) -> list[CurvaturePreview | None]:

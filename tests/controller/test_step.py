@@ -18,14 +18,6 @@ from rt_controller.control.program import SolveStatus
 NOT_ENGAGED = ENGAGED._replace(is_engaged=False)
 
 
-def test_without_an_engaged_mission_the_controller_stands_by(rig):
-    rig.vehicle.mission = NOT_ENGAGED
-    result = rig.tick(5)
-    assert result.mode is Mode.STANDBY
-    assert rig.command.content.control == (0.0, 0.0, 0.0)
-    assert result.qp_iterations == 0
-
-
 def test_a_missing_state_holds_the_plan_for_two_ticks_and_then_stops(rig):
     rig.tick(5)
     plan = rig.mpc.inputs.copy()
@@ -41,22 +33,22 @@ def test_a_missing_state_holds_the_plan_for_two_ticks_and_then_stops(rig):
     assert result.control.brake_n > 0.0
 
 
-def test_a_state_with_nan_counts_as_missing(rig):
+@pytest.mark.parametrize(
+    ("sent", "objection"),
+    [
+        ({"state": CRUISING._replace(ey_m=math.nan)}, "STATE_B: LateralError: expected a value"),
+        ({"is_valid": False}, "STATE_A: Valid: expected 1, found 0"),
+    ],
+)
+def test_a_state_with_nan_or_marked_invalid_counts_as_missing(rig, sent, objection):
     rig.tick(3)
-    rig.vehicle.state = CRUISING._replace(ey_m=math.nan)
+    for name, value in sent.items():
+        setattr(rig.vehicle, name, value)
     assert rig.tick().mode is Mode.HOLD_PLAN
-    assert rig.inbox.counts.out_of_range > 0
-    assert rig.tick(2).mode is Mode.SAFE_STOP
-    assert all(math.isfinite(value) for value in rig.command.content.control)
-
-
-def test_a_state_marked_invalid_counts_as_missing(rig):
-    rig.tick(3)
-    rig.vehicle.is_valid = False
-    assert rig.tick(3).mode is Mode.SAFE_STOP
+    assert mode_and_cause(rig.tick(2)) == (Mode.SAFE_STOP, StopCause.STATE_INVALID)
     assert rig.heartbeat.faults == Fault.STATE_STALE | Fault.STATE_INVALID
-    assert rig.step.last.cause is StopCause.STATE_INVALID
-    assert rig.inbox.explain_out_of_range(STATE) == "STATE_A: Valid: expected 1, found 0"
+    assert rig.inbox.explain_out_of_range(STATE).startswith(objection)
+    assert all(math.isfinite(value) for value in rig.command.content.control)
 
 
 @pytest.mark.parametrize("status", [s for s in SolveStatus if s is not SolveStatus.SOLVED])
@@ -77,6 +69,8 @@ def test_the_end_of_a_mission_releases_the_pedals(rig):
     result = rig.tick()
     assert result.mode is Mode.STANDBY
     assert result.control.throttle == 0.0
+    assert rig.tick(60).qp_iterations == 0
+    assert rig.command.content.control == (0.0, 0.0, 0.0)
 
 
 def test_the_vehicle_receives_the_result_of_the_step(rig):

@@ -6,13 +6,12 @@ import can
 import cantools
 import pytest
 from crccheck import crc
-from own_car import EXAMPLE
+from own_car import changed
 from pydantic import TypeAdapter
 
 from rt_controller.contract.car import UNNAMED_CAR
 from rt_controller.contract.errors import ConfigError
 from rt_controller.gateway.command_check import require_sendable
-from rt_controller.mapping.car_file import read_car
 from rt_controller.mapping.signal_frames import SignalReader, SignalWriter
 from rt_controller.mapping.slots import slots_of
 from rt_controller.mapping.tables import ColumnMapping, MessageMapping, SignalMapping, SwitchMapping
@@ -209,11 +208,7 @@ def require_read_and_damage_noticed(reader, frames):
             ["0034120000000034", "0034120100000035"],
         ),
         # 3 ^ 4 ^ 1 ^ 2 = 4; in bits 2 to 5 of byte 6
-        (
-            "Number",
-            {"signal": "Middle", "kind": "xor4"},
-            ["0034120000001000", "0034120100001400"],
-        ),
+        ("Number", {"signal": "Middle", "kind": "xor4"}, ["0034120000001000", "0034120100001400"]),
         # 255 - (34 + 12 + counter + A5)
         (
             "Number",
@@ -311,8 +306,7 @@ def sent_by(address, count):
 
 
 @pytest.mark.parametrize(
-    ("source", "read", "sent"),
-    [(None, [0xFE], 0xFE), ("any", [0x00], 0xFE), (0x17, [0x17], 0x17)],
+    ("source", "read", "sent"), [(None, [0xFE], 0xFE), ("any", [0x00], 0xFE), (0x17, [0x17], 0x17)]
 )
 def test_frames_of_the_named_source_addresses_are_read(source, read, sent):
     reader, writer = j1939(source)
@@ -346,6 +340,7 @@ WHEEL = (
     ' SG_ WheelRequestRight m1 : 24|16@1- (0.02,0) [-600|600] "deg" CAR\n',
     'column = "WheelRequestRight", unit = "deg", sign = -1',
 )
+UNSIGNED = "A m1 : 24|15@1+ (0.02,0) [0|600]"
 
 
 @pytest.mark.parametrize(
@@ -355,35 +350,17 @@ WHEEL = (
         ("A m1 : 24|15@1+ (0.02,0) [0|30];B m1 : 39|1@1+ (1,0) [0|1]", 'negative = "B"', "-30 to"),
         ("A m1 : 24|8@1- (2,0) [-39.3|39.3];B m1 : 32|4@1- (0.1,0) [0|0]", 'fine = "B"', None),
         ("A m1 : 24|8@1- (2,0) [-30|30];B m1 : 32|4@1- (0.1,0) [0|0]", 'fine = "B"', "-30.8 to"),
-        (
-            "A m1 : 24|15@1+ (0.02,0) [0|600]",
-            'negative = "RequestEnable"',
-            "one task for RequestEnable",
-        ),
-        (
-            "A m1 : 24|15@1+ (0.02,0) [0|600]",
-            'negative = "RequestPage"',
-            "one task for RequestPage",
-        ),
-        (
-            "A m1 : 24|15@1+ (0.02,0) [0|600]",
-            'fine = "RequestChecksum"',
-            "one task for RequestChecksum",
-        ),
+        (UNSIGNED, 'negative = "RequestEnable"', "one task for RequestEnable"),
+        (UNSIGNED, 'negative = "RequestPage"', "one task for RequestPage"),
+        (UNSIGNED, 'fine = "RequestChecksum"', "one task for RequestChecksum"),
     ],
 )
 def test_commands_of_several_signals_have_the_whole_range_and_places_of_their_own(
     tmp_path, signals, column, message
 ):
-    dbc = (EXAMPLE.parent / "car.dbc").read_text()
-    assert WHEEL[0] in dbc
-    assert WHEEL[1] in EXAMPLE.read_text()
     own = "".join(f' SG_ {each} "deg" CAR\n' for each in signals.split(";"))
-    (tmp_path / "car.dbc").write_text(dbc.replace(WHEEL[0], own))
-    (tmp_path / "line.csv").write_text((EXAMPLE.parent / "line.csv").read_text())
     mapped = f'column = "A", unit = "deg", sign = -1, {column}'
-    (tmp_path / "car.toml").write_text(EXAMPLE.read_text().replace(WHEEL[1], mapped))
-    car = read_car(tmp_path / "car.toml")
+    car = changed(tmp_path, (WHEEL[0], own), (WHEEL[1], mapped))
     if message is None:
         require_sendable(car, UNNAMED_CAR)
     else:

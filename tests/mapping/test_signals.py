@@ -9,6 +9,7 @@ import pytest
 from own_car import (
     EXAMPLE,
     VALUES,
+    changed,
     command_reader,
     command_writer,
     example,
@@ -210,11 +211,17 @@ def test_a_compass_heading_is_sent_in_the_range_of_its_signal(yaw_rad):
     assert (found - yaw_rad + 0.1) % (2.0 * pi) == pytest.approx(0.1, abs=1e-4)
 
 
-def test_a_factor_converts_to_another_quantity():
-    column = ColumnMapping(column="Pressure", unit="N", factor=3.0)
-    sent, found = both_ways(Slot("commands.brake_n", column, "N", ANY), 60.0)
-    assert sent["Pressure"] == pytest.approx(20.0)
-    assert found == pytest.approx(60.0)
+@pytest.mark.parametrize(
+    ("column", "si", "value", "raw"),
+    [
+        ({"column": "Pressure", "unit": "N", "factor": 3.0}, "N", 60.0, 20.0),
+        ({"column": "Pedal", "unit": "%"}, "1", 0.25, 25.0),  # without a unit in the DBC
+    ],
+)
+def test_a_value_is_converted_by_unit_and_factor(column, si, value, raw):
+    sent, found = both_ways(Slot("commands.any", ColumnMapping(**column), si, ANY), value)
+    assert sent[column["column"]] == pytest.approx(raw)
+    assert found == pytest.approx(value)
 
 
 @pytest.mark.parametrize(
@@ -225,25 +232,6 @@ def test_another_unit_than_that_of_the_dbc_is_refused(unit, factor, si, hint):
     column = ColumnMapping(column="Pressure", unit=unit, factor=factor)
     with pytest.raises(DatasetError, match=hint):
         both_ways(Slot("commands.brake_n", column, si, ANY), 1.0)
-
-
-def test_a_signal_without_a_unit_in_the_dbc_has_that_of_the_mapping():
-    column = ColumnMapping(column="Pedal", unit="%")
-    sent, found = both_ways(Slot("commands.throttle", column, "1", ANY), 0.25)
-    assert sent["Pedal"] == 25.0
-    assert found == pytest.approx(0.25)
-
-
-def changed(tmp_path, *replacements):
-    text = EXAMPLE.read_text()
-    for old, new in replacements:
-        assert old in text
-        text = text.replace(old, new)
-    for name in ("car.dbc", "line.csv"):
-        (tmp_path / name).write_text((EXAMPLE.parent / name).read_text())
-    path = tmp_path / "car.toml"
-    path.write_text(text)
-    return path
 
 
 def test_the_example_is_a_mapping_of_offline_import_too():
@@ -267,11 +255,12 @@ def test_the_example_is_a_mapping_of_offline_import_too():
             *("[messages.WheelSpeed]", "[messages.WheelSped]"),
             r"messages of car\.dbc, found WheelSped",
         ),
+        ("WheelSpeed: 8", "WheelSpeed: 1", r"messages\.WheelSpeed: expected a message that can be"),
     ],
 )
 def test_a_mapping_for_driving_is_refused_with_what_is_missing(tmp_path, old, new, message):
     with pytest.raises(ConfigError, match=message):
-        read_car(changed(tmp_path, (old, new)))
+        changed(tmp_path, (old, new))
     with pytest.raises(ConfigError, match=r".*none\.toml: expected a mapping file"):
         read_car(tmp_path / "none.toml")
 
@@ -366,15 +355,6 @@ def test_a_defect_beside_the_messages_is_none_of_theirs(tmp_path, defect):
     message, signal = find_source("here", database, "Inertial.YawRate")
     assert (signal.length, str(signal.choices[-32768])) == (16, "SNA")
     assert message.cycle_time == (None if "StartValue" in defect else 20)
-
-
-def test_a_mapped_message_with_a_defect_is_refused_with_its_reason(tmp_path):
-    for name in ("car.dbc", "line.csv", "car.toml"):
-        (tmp_path / name).write_bytes((EXAMPLE.parent / name).read_bytes())
-    dbc = tmp_path / "car.dbc"
-    dbc.write_text(dbc.read_text().replace("WheelSpeed: 8", "WheelSpeed: 1"))
-    with pytest.raises(ConfigError, match=r"messages\.WheelSpeed: expected a message that can be"):
-        read_car(tmp_path / "car.toml")
 
 
 @pytest.mark.parametrize(

@@ -27,9 +27,7 @@ def written_out(bundle: Bundle, psi: Array, followed: Array, u: Array, w: Array)
 
 @pytest.mark.parametrize("shapes", [(), (0,), (1,), (2,), (0, 1, 2)])
 @pytest.mark.parametrize("follow", Follow)
-def test_a_roll_out_is_the_recursion_written_out(
-    bundle: Bundle, shapes: tuple[int, ...], follow: Follow
-) -> None:
+def test_a_roll_out_is_the_recursion_written_out(bundle, shapes, follow):
     assert bundle.gains is not None
     N, S, s0, factor, shape, _ = bundle.gains
     kept = np.isin(shape, shapes)
@@ -48,7 +46,7 @@ def test_a_roll_out_is_the_recursion_written_out(
             np.testing.assert_allclose(found[b, k + 1], psi[:6], rtol=1e-9)
 
 
-def test_one_step_takes_a_single_state_or_a_batch(bundle: Bundle, planar: Bundle) -> None:
+def test_one_step_takes_a_single_state_or_a_batch(bundle, planar):
     rng = np.random.default_rng(2)
     for model in (bundle, planar):
         (n, m), p = model.B_uc.shape, model.B_uw.shape[1]
@@ -60,7 +58,7 @@ def test_one_step_takes_a_single_state_or_a_batch(bundle: Bundle, planar: Bundle
         np.testing.assert_allclose(one_step(model, psi[3, 1], u[3, 1], w[3, 1]), batch[3, 1])
 
 
-def test_it_equals_the_bilinear_model_of_the_literature(bundle: Bundle) -> None:
+def test_it_equals_the_bilinear_model_of_the_literature(bundle):
     """sum_i u_i (b_i + N_i psi_0) with the matrices N_i = sum_r N_r S_r', if s0 = 0."""
     assert bundle.gains is not None
     N, S, factor = bundle.gains.N[:, :6], bundle.gains.S[:6], bundle.gains.factor[:6]
@@ -75,7 +73,7 @@ def test_it_equals_the_bilinear_model_of_the_literature(bundle: Bundle) -> None:
     np.testing.assert_allclose(found, expected, rtol=1e-9)
 
 
-def test_saturation_is_zero_with_its_slope_at_zero_and_linear_far_from_it() -> None:
+def test_saturation_is_zero_with_its_slope_at_zero_and_linear_far_from_it():
     """So A describes a small motion, and A minus N S a large one."""
     one, zero = np.ones((1, 1)), np.zeros((1, 1))
     gains = Gains(one, one, np.zeros(1), np.array([0]), np.array([Shape.SATURATION]))
@@ -86,7 +84,7 @@ def test_saturation_is_zero_with_its_slope_at_zero_and_linear_far_from_it() -> N
     assert at[2:] == pytest.approx([-49.0, 49.0])
 
 
-def test_with_saturating_gains_a_long_roll_out_at_ten_times_the_inputs_is_bounded() -> None:
+def test_with_saturating_gains_a_long_roll_out_at_ten_times_the_inputs_is_bounded():
     """2,000 steps; A contracts every lifted state to 0.95 of its size."""
     rng = np.random.default_rng(4)
     n, m, q, instants = 6, 2, 8, 2000

@@ -204,11 +204,7 @@ BUSY = QUIET._replace(step_us=9_000.0, cpu_us=9_000.0)
         (0.0, QUIET._replace(step_us=9_000.0), LateCause.HOST),
         (8_500.0, QUIET._replace(wake_us=9_000.0), LateCause.PREEMPTED),
         (8_500.0, QUIET._replace(step_us=9_000.0), LateCause.PREEMPTED),
-        (
-            0.0,
-            QUIET._replace(wake_us=9_000.0, preparation_late_us=8_900.0),
-            LateCause.COMPUTING,
-        ),
+        (0.0, QUIET._replace(wake_us=9_000.0, preparation_late_us=8_900.0), LateCause.COMPUTING),
         (0.0, QUIET._replace(wake_us=49_000.0, overrun_us=48_000.0), LateCause.COMPUTING),
         (0.0, BUSY._replace(qp_us=8_000.0), LateCause.SOLVER),
         (0.0, BUSY._replace(receive_us=8_000.0), LateCause.COMPUTING),

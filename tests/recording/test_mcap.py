@@ -55,9 +55,7 @@ def convert(log: Path, file: Path) -> int:
     return code
 
 
-def test_a_drive_is_written_with_units_plan_and_cause(
-    recorded: tuple[Path, Figures], tmp_path: Path
-) -> None:
+def test_a_drive_is_written_with_units_plan_and_cause(recorded, tmp_path):
     (log, figures), path = recorded, tmp_path / "run.mcap"
     assert convert(log, path) == 0
     messages, schemas = read(path)
@@ -77,9 +75,7 @@ def test_a_drive_is_written_with_units_plan_and_cause(
     assert plan["vx_mps"][0] == pytest.approx(state["vx_mps"], abs=0.05)  # two periods later
 
 
-def test_an_existing_file_is_not_replaced_unasked(
-    recorded: tuple[Path, Figures], tmp_path: Path
-) -> None:
+def test_an_existing_file_is_not_replaced_unasked(recorded, tmp_path):
     path = tmp_path / "run.mcap"
     path.write_text("of another drive")
     with pytest.raises(ConfigError, match="expected no log of that name yet"):
@@ -87,9 +83,7 @@ def test_an_existing_file_is_not_replaced_unasked(
     assert path.read_text() == "of another drive"
 
 
-def test_a_full_disk_is_reported(
-    recorded: tuple[Path, Figures], tmp_path: Path, capfd: pytest.CaptureFixture[str]
-) -> None:
+def test_a_full_disk_is_reported(recorded, tmp_path, capfd):
     """foxglove-sdk itself only prints a failed write."""
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (1000, before[1]))  # EFBIG in place of ENOSPC

@@ -3,6 +3,7 @@
 from own_car import VALUES, changed, command_reader, example, state_writer
 
 from rt_controller.bus.messages import COMMAND, HEARTBEAT, Command, Heartbeat, Node
+from rt_controller.bus.receive import Inbox
 from rt_controller.bus.send import Outbox
 from rt_controller.contract.faults import Fault
 from rt_controller.contract.signals import Mode
@@ -47,6 +48,7 @@ class GatewayRig:
         self.writer, self.reader = state_writer(car), command_reader(car)
         self.commands = FrameQueue()
         self.sender = Outbox(self.commands, Node.CONTROLLER)
+        self.inbox = Inbox(Node.CONTROLLER)
         self.values = dict(VALUES)
         self.change = lambda frame: True
         """changes a frame of the car; False: it is lost"""
@@ -67,6 +69,8 @@ class GatewayRig:
         self.gateway.exchange(now_ns, has_wall_clock=False)
         self.above.frames.clear()
         self.gateway.tick(now_ns)
+        for frame in self.above.frames:
+            self.inbox.accept(frame, now_ns)
         self.tick += 1
         return self.read()
 

@@ -57,10 +57,7 @@ CONTENTS: dict[Message[Any], Any] = {
 def can_frame(codec: FrameCodec, data: bytes) -> can.Message:
     """One frame as it comes from the bus."""
     return can.Message(
-        arbitration_id=codec.arbitration_id,
-        is_extended_id=False,
-        data=data,
-        check=True,
+        arbitration_id=codec.arbitration_id, is_extended_id=False, data=data, check=True
     )
 
 
@@ -90,3 +87,20 @@ def decode_frames(message: Message[T], *frames: Frame) -> T | None:
 def round_trip(message: Message[T], content: T, is_valid: bool = True) -> T | None:
     """The content after encoding and decoding."""
     return decode_frames(message, *encode_frames(message, content, 3, is_valid))
+
+
+class RecordedFrames:
+    """Recorder that keeps all frames in memory.
+
+    Arrival time in ns, number and data of each frame, by copy, in order.
+    """
+
+    def __init__(self) -> None:
+        self.frames: list[tuple[int, int, bytes]] = []
+
+    def record(self, message: can.Message, timestamp_ns: int, is_sent: bool = False) -> None:
+        self.frames.append((timestamp_ns, message.arbitration_id, bytes(message.data)))
+
+    def of(self, codec: FrameCodec) -> list[bytes]:
+        """The data of the frames of one codec."""
+        return [data for _, number, data in self.frames if number == codec.arbitration_id]

@@ -10,7 +10,8 @@ import numpy as np
 import onnx_bytes
 
 from rt_controller.contract.arrays import Array
-from rt_controller.contract.signals import PATH_STATES
+from rt_controller.contract.limits import INPUT_LIMITS
+from rt_controller.contract.signals import N_INPUTS, PATH_STATES
 from rt_controller.contract.timing import PERIOD_S
 from rt_controller.model.artifact import load_bundle, shipped_model
 from rt_controller.model.bundle import Bundle
@@ -24,6 +25,18 @@ SHOWN_TYPICALLY = {
     "x": np.array([20.0, 0.2, 0.1, 0.5, 0.5, 0.05]),
     "w": np.array([0.004]),
     "history": np.array([20.0, 0.2, 0.1, 0.3, 30.0, 0.3]),
+}
+
+RANGE = np.subtract(INPUT_LIMITS.upper, INPUT_LIMITS.lower)
+VARIANTS = {
+    "linear": {},
+    "bilinear of rank 1": {"rank": 1},
+    "bilinear": {"rank": 4},
+    "saturating": {"rank": 4, "saturates": True},
+    "drift": {"drift": 2},
+    "bilinear with drift": {"rank": 1, "drift": 2},
+    "saturating with drift": {"rank": 3, "saturates": True, "drift": 2},
+    "exact path": {"rank": 3, "saturates": True, "drift": 2, "has_exact_path": True},
 }
 
 WITH_ROAD = Lift(sees_exogenous=True)
@@ -214,3 +227,13 @@ def input_matrix(bundle: Bundle, psi: Array) -> Array:
         for u in np.eye(m)
     ]
     return B + np.stack(columns, axis=-1)
+
+
+def made(variant: str, lift: Lift | None = None) -> Bundle:
+    """Of one of the classes of models."""
+    return make_bundle(lift or Lift(), bend=0.5, **VARIANTS[variant])
+
+
+def knots_of(count: int) -> Array:
+    """(K, 3), a plan whose inputs change."""
+    return RANGE * (0.1 + 0.2 * np.random.default_rng(5).normal(size=(count, N_INPUTS)))

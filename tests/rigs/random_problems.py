@@ -22,9 +22,6 @@ COST = TrackingCost(
     control_change=ControlInput(0.2, 40.0, 0.1),
     terminal_factor=2.0,
 )
-RANGE = np.array(INPUT_LIMITS.upper) - np.array(INPUT_LIMITS.lower)
-
-
 TIERS = {"slew rows": None, "corridor": Corridor(0.2, 0.05)}
 
 

@@ -179,11 +179,7 @@ def test_a_stop_is_as_short_as_its_cause_demands_and_the_grip_allows(
 
 @pytest.mark.parametrize(
     ("braking", "most_n", "rate_n_per_s"),
-    [
-        (ALONG_PATH, 75.0, 150.0),
-        (LOST, 100.0, 300.0),
-        (FULL, 150.0, 500.0),
-    ],
+    [(ALONG_PATH, 75.0, 150.0), (LOST, 100.0, 300.0), (FULL, 150.0, 500.0)],
 )
 def test_the_brake_is_ramped_to_the_documented_force_of_the_stop(braking, most_n, rate_n_per_s):
     assert braking == (most_n, rate_n_per_s)

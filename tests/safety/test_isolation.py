@@ -232,10 +232,7 @@ def test_a_check_fails_from_the_last_tick_of_its_window_on(second, begins_at, ex
             ],
             (Faulty.PLACE, StopCause.HEADING_IMPLAUSIBLE, True),
         ),
-        (
-            [(Q.HEADING_RAD, Faulty.HEADING)],
-            (Faulty.HEADING, StopCause.HEADING_IMPLAUSIBLE, False),
-        ),
+        ([(Q.HEADING_RAD, Faulty.HEADING)], (Faulty.HEADING, StopCause.HEADING_IMPLAUSIBLE, False)),
         (
             [(Q.SPEED_TEN_MPS, Faulty.NONE), (Q.YAW_RATE_TEN_RADPS, Faulty.NONE)],
             (Faulty.NONE, StopCause.SPEED_IMPLAUSIBLE, True),

@@ -5,10 +5,7 @@ from math import atan, degrees, hypot, inf, nan, radians
 import pytest
 
 from rt_controller.contract.car import Car
-from rt_controller.contract.limits import (
-    DEFAULT_GEOMETRY,
-    INPUT_LIMITS,
-)
+from rt_controller.contract.limits import DEFAULT_GEOMETRY, INPUT_LIMITS
 from rt_controller.contract.signals import ControlInput, PathReference, VehicleState
 from rt_controller.contract.timing import PERIOD_S
 from rt_controller.vehicle.path_steering import Course, largest_brake_n, steer_along
@@ -23,26 +20,26 @@ CHANGE_RAD = INPUT_LIMITS.rate_per_s.steer_rad * PERIOD_S
 
 
 @pytest.mark.parametrize("side", [-1.0, 1.0])
-def test_the_wheel_turns_towards_the_path_and_no_faster_than_its_rate(side: float) -> None:
+def test_the_wheel_turns_towards_the_path_and_no_faster_than_its_rate(side):
     path = STRAIGHT._replace(c0_m=3.0 * side)
     assert steer_along(path, CRUISING, 0.0, 0.0) == pytest.approx(side * CHANGE_RAD)
 
 
 @pytest.mark.parametrize("side", [-1.0, 1.0])
-def test_a_bend_is_followed_with_the_curvature_of_the_road(side: float) -> None:
+def test_a_bend_is_followed_with_the_curvature_of_the_road(side):
     turning = CRUISING._replace(yaw_rate_radps=side * 0.003 * 20.0)
     angle = steer_along(STRAIGHT, turning, side * 0.003, side * 0.16)
     assert angle == pytest.approx(side * 18.5 * 0.003 * (2.91 + 0.002544 * 400.0), rel=1e-3)
 
 
 @pytest.mark.parametrize("side", [-1.0, 1.0])
-def test_the_wheel_turns_against_a_slide_of_the_rear_axle(side: float) -> None:
+def test_the_wheel_turns_against_a_slide_of_the_rear_axle(side):
     sliding = CRUISING._replace(yaw_rate_radps=side * 0.02)
     assert steer_along(STRAIGHT, sliding, 0.0, 0.0) == pytest.approx(-side * 18.5 * 0.1 * 0.02)
 
 
 @pytest.mark.parametrize("side", [-1.0, 1.0])
-def test_the_wheel_stays_within_its_bounds(side: float) -> None:
+def test_the_wheel_stays_within_its_bounds(side):
     slow = CRUISING._replace(vx_mps=3.0)
     path = STRAIGHT._replace(c0_m=30.0 * side)
     narrow = DEFAULT_GEOMETRY._replace(lock_rad=radians(40.0))
@@ -63,8 +60,8 @@ def test_the_wheel_stays_within_its_bounds(side: float) -> None:
     ],
 )
 def test_the_wheel_turns_further_than_40_deg_in_a_tight_bend_and_at_low_speed(
-    vx_mps: float, radius_m: float, before_deg: float, wheel_deg: float
-) -> None:
+    vx_mps, radius_m, before_deg, wheel_deg
+):
     state = CRUISING._replace(vx_mps=vx_mps)
     found = steer_along(STRAIGHT._replace(c0_m=30.0), state, 1.0 / radius_m, radians(before_deg))
     assert found == pytest.approx(radians(wheel_deg), rel=1e-4)
@@ -72,7 +69,7 @@ def test_the_wheel_turns_further_than_40_deg_in_a_tight_bend_and_at_low_speed(
 
 @pytest.mark.parametrize("name", ["lane_change_60", "double_lane_change", "lane_change_120"])
 @pytest.mark.parametrize("begin_s", [0.6, 1.2, 2.0])
-def test_a_car_that_brakes_in_a_lane_change_stays_on_its_lane(name: str, begin_s: float) -> None:
+def test_a_car_that_brakes_in_a_lane_change_stays_on_its_lane(name, begin_s):
     """The path is driven by this law alone."""
     scenario = load_scenario(name)
     car = build_car(scenario)
@@ -100,8 +97,8 @@ def test_a_car_that_brakes_in_a_lane_change_stays_on_its_lane(name: str, begin_s
 @pytest.mark.parametrize("side", [-1.0, 1.0])
 @pytest.mark.parametrize(("vx_mps", "ahead_m"), [(20.0, 14.0), (8.0, 5.6), (4.0, 5.0), (0.31, 5.0)])
 def test_the_wheel_leads_on_a_circle_through_the_path_at_the_preview_distance(
-    side: float, vx_mps: float, ahead_m: float
-) -> None:
+    side, vx_mps, ahead_m
+):
     terms = (0.3, 0.02, 1e-3, -2e-5)
     path = PathReference(*(side * each for each in terms), 20.0, 0.0)
     state = VehicleState(vx_mps, side * 0.01 * vx_mps, 0.0, 0.5, side * 0.2, side * 0.015)
@@ -114,7 +111,7 @@ def test_the_wheel_leads_on_a_circle_through_the_path_at_the_preview_distance(
 
 
 @pytest.mark.parametrize("side", [-1.0, 1.0])
-def test_a_braked_car_turns_with_4_m_per_s2_at_most(side: float) -> None:
+def test_a_braked_car_turns_with_4_m_per_s2_at_most(side):
     fast = CRUISING._replace(vx_mps=25.0, yaw_rate_radps=side * 4.0 / 25.0)
     expected_rad = side * 18.5 * (2.91 + 0.002545 * 625.0) * 4.0 / 625.0
     wide = STRAIGHT._replace(c0_m=30.0 * side)
@@ -133,9 +130,7 @@ def test_a_braked_car_turns_with_4_m_per_s2_at_most(side: float) -> None:
         (0.31, 3.0, 0.2 + CHANGE_RAD),
     ],
 )
-def test_a_standing_car_and_one_without_a_path_keep_their_wheel(
-    vx_mps: float, c0_m: float, expected_rad: float
-) -> None:
+def test_a_standing_car_and_one_without_a_path_keep_their_wheel(vx_mps, c0_m, expected_rad):
     found = steer_along(STRAIGHT._replace(c0_m=c0_m), CRUISING._replace(vx_mps=vx_mps), 0.0, 0.2)
     assert found == pytest.approx(expected_rad)
 
@@ -158,13 +153,8 @@ def test_a_standing_car_and_one_without_a_path_keep_their_wheel(
     ],
 )
 def test_the_brake_force_is_75_n_and_at_least_25_n(
-    side: float,
-    vx_mps: float,
-    yaw_rate_radps: float,
-    off_m: float,
-    open_throttle: float,
-    force_n: float,
-) -> None:
+    side, vx_mps, yaw_rate_radps, off_m, open_throttle, force_n
+):
     state = CRUISING._replace(vx_mps=vx_mps, yaw_rate_radps=side * yaw_rate_radps, ey_m=off_m)
     steer_rad = DEFAULT_GEOMETRY.steady_wheel_rad(vx_mps, side * yaw_rate_radps)
     found = largest_brake_n(Course(STRAIGHT, state, 0.0), steer_rad, open_throttle)
@@ -172,7 +162,7 @@ def test_the_brake_force_is_75_n_and_at_least_25_n(
 
 
 @pytest.mark.parametrize("side", [-1.0, 1.0])
-def test_a_car_that_does_not_turn_as_its_wheel_brakes_with_less_force(side: float) -> None:
+def test_a_car_that_does_not_turn_as_its_wheel_brakes_with_less_force(side):
     course = Course(STRAIGHT, CRUISING._replace(yaw_rate_radps=side * 0.05), 0.0)
     assert largest_brake_n(course, 0.0) == pytest.approx(60.0)
     assert largest_brake_n(course, -side * 0.1) < 60.0

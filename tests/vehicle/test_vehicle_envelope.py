@@ -63,9 +63,7 @@ def judge(
         ({"brake_n": -2.8e-3}, Refusal.STEERING),
     ],
 )
-def test_pedals_are_refused_beyond_their_bounds_and_both_at_once(
-    changes: dict[str, float], expected: Refusal
-) -> None:
+def test_pedals_are_refused_beyond_their_bounds_and_both_at_once(changes, expected):
     assert judge(CRUISE._replace(**changes)) == expected
 
 
@@ -73,8 +71,8 @@ def test_pedals_are_refused_beyond_their_bounds_and_both_at_once(
 @pytest.mark.parametrize("before_deg", [-10.0, 0.0, 10.0])
 @pytest.mark.parametrize(("periods", "allowed"), [(0, 1), (1, 1), (2, 2), (4, 4), (9, 4)])
 def test_the_wheel_may_move_by_5_deg_a_period_and_two_steps_of_the_frame(
-    side: float, before_deg: float, periods: int, allowed: int
-) -> None:
+    side, before_deg, periods, allowed
+):
     before = NEUTRAL_INPUT._replace(steer_rad=radians(before_deg))
     for more_deg, expected in ((0.0399, NO_REFUSAL), (0.0401, Refusal.STEERING)):
         change_rad = side * radians(5.0 * allowed + more_deg)
@@ -92,9 +90,7 @@ def test_the_wheel_may_move_by_5_deg_a_period_and_two_steps_of_the_frame(
         (25.0, 57.2, Refusal.LATERAL_ACCELERATION),
     ],
 )
-def test_a_wheel_angle_beyond_its_bound_is_refused(
-    side: float, speed_mps: float, bound_deg: float, refusal: Refusal
-) -> None:
+def test_a_wheel_angle_beyond_its_bound_is_refused(side, speed_mps, bound_deg, refusal):
     motion = STANDING._replace(speed_mps=speed_mps)
     at_bound = NEUTRAL_INPUT._replace(steer_rad=side * radians(bound_deg))
     assert judge(at_bound, before=at_bound, motion=motion) == NO_REFUSAL
@@ -104,9 +100,7 @@ def test_a_wheel_angle_beyond_its_bound_is_refused(
 
 @SIDES
 @pytest.mark.parametrize("speed_mps", [40.0, 60.0, 90.0])
-def test_more_than_7_5_m_per_s2_are_refused_and_exactly_that_is_allowed(
-    side: float, speed_mps: float
-) -> None:
+def test_more_than_7_5_m_per_s2_are_refused_and_exactly_that_is_allowed(side, speed_mps):
     """The acceleration is that of the single-track model."""
     low, high = 0.0, radians(40.0)
     while (middle := 0.5 * (low + high)) not in (low, high):
@@ -121,7 +115,7 @@ def test_more_than_7_5_m_per_s2_are_refused_and_exactly_that_is_allowed(
 
 
 @pytest.mark.parametrize("mode", Mode)
-def test_throttle_and_standby_are_refused_where_they_do_not_belong(mode: Mode) -> None:
+def test_throttle_and_standby_are_refused_where_they_do_not_belong(mode):
     """Throttle in modes that do not accelerate; a moving car left alone before its mission ends."""
     for throttle, is_pressed in ((0.0, False), (1e-3, False), (0.1, True)):
         found = judge(CRUISE._replace(throttle=throttle), mode, motion=STANDING)
@@ -135,13 +129,13 @@ def test_throttle_and_standby_are_refused_where_they_do_not_belong(mode: Mode) -
             assert found == (Refusal.MODE if is_left else NO_REFUSAL)
 
 
-def test_exactly_the_largest_change_of_the_wheel_is_allowed() -> None:
+def test_exactly_the_largest_change_of_the_wheel_is_allowed():
     largest_rad = INPUT_LIMITS.rate_per_s.steer_rad * PERIOD_S + 2.0 * radians(0.02)
     wheel = NEUTRAL_INPUT._replace(steer_rad=largest_rad)
     assert judge(wheel, before=NEUTRAL_INPUT, motion=STANDING) == NO_REFUSAL
 
 
-def test_a_standing_car_is_on_its_path_and_requests_to_be_driven() -> None:
+def test_a_standing_car_is_on_its_path_and_requests_to_be_driven():
     assert STANDING == (0.0, 0.0, True)
 
 
@@ -154,7 +148,7 @@ def fuzzed(rng: Random) -> float:
 @pytest.mark.parametrize(
     "number", [20_000, pytest.param(1_000_000, marks=pytest.mark.nightly)], ids=["short", "long"]
 )
-def test_fuzzed_commands_that_are_followed_violate_no_limit(number: int) -> None:
+def test_fuzzed_commands_that_are_followed_violate_no_limit(number):
     """The limits are computed here from their numbers."""
     rng = Random(3)
     applied, followed = NEUTRAL_INPUT, 0
@@ -187,8 +181,8 @@ def test_fuzzed_commands_that_are_followed_violate_no_limit(number: int) -> None
 @pytest.mark.parametrize("has_reached_path", [True, False])
 @pytest.mark.parametrize("is_mission_on", [True, False])
 def test_a_safe_stop_leaves_the_path_at_half_a_metre_and_a_drive_at_90_cm(
-    side: float, mode: Mode, has_reached_path: bool, is_mission_on: bool
-) -> None:
+    side, mode, has_reached_path, is_mission_on
+):
     """Only while the car moves; before it has reached its path, and without mission, no drive."""
     is_driven = mode not in (Mode.STANDBY, Mode.SAFE_STOP) and is_mission_on and has_reached_path
     for off_m in (0.5, 0.51, 0.9, 0.91):
@@ -200,7 +194,7 @@ def test_a_safe_stop_leaves_the_path_at_half_a_metre_and_a_drive_at_90_cm(
 
 
 @SIDES
-def test_a_car_is_as_far_off_its_path_as_it_will_be_in_0_3_s(side: float) -> None:
+def test_a_car_is_as_far_off_its_path_as_it_will_be_in_0_3_s(side):
     state = VehicleState(20.0, 0.0, 0.0, 0.5, side * 0.1, side * 0.05)
     run = ScenarioRun(load_scenario("straight"), state, 0.0)
     assert run.motion == pytest.approx((20.0, side * (0.1 + 20.0 * 0.05 * 0.3), True))
@@ -218,8 +212,8 @@ def test_a_car_is_as_far_off_its_path_as_it_will_be_in_0_3_s(side: float) -> Non
     [(0.05, 0.66499), (-0.1, 0.60199)],  # by the motion, and by the heading
 )
 def test_the_deviation_ahead_is_the_larger_one_of_heading_and_motion(
-    side: float, yaw_rate_radps: float, expected_m: float
-) -> None:
+    side, yaw_rate_radps, expected_m
+):
     """0.3 m beside the path, which is met at 20 m/s with 0.15 rad - atan(0.1)."""
     path = PathReference(0.2 * side, 0.1 * side, 0.001 * side, 0.0, 20.0, 0.0)
     state = VehicleState(20.0, 0.3 * side, yaw_rate_radps * side, 0.5, 0.5 * side, 0.15 * side)

@@ -23,7 +23,6 @@ from rt_controller.control.low_speed import (
     SpeedRange,
     next_law,
     stop_distance_m,
-    wants_rest,
 )
 from rt_controller.safety.envelope import limit
 
@@ -250,12 +249,6 @@ def test_speed_and_deceleration_carry_the_distance_to_the_stop(distance_m, braki
     assert stop_distance_m(CRUISE) == inf
 
 
-def test_a_start_is_wanted_as_soon_as_the_reference_accelerates():
-    assert wants_rest(REST, is_resting=True)
-    assert not wants_rest(REST._replace(a_mps2=1.5), is_resting=True)
-    assert not wants_rest(REST._replace(v_mps=0.3), is_resting=True)
-
-
 MODEL, SLOW, HELD = LAWS
 START = REST._replace(v_mps=0.5, a_mps2=1.0)
 
@@ -268,6 +261,9 @@ START = REST._replace(v_mps=0.5, a_mps2=1.0)
         (HELD, 0.0, stop_in(0.9 * STAY.stop_m), HELD),
         (SLOW, 0.0, stop_in(1.0), SLOW),
         (HELD, 0.0, stop_in(1.0), SLOW),
+        # a held one starts as soon as the reference accelerates
+        *((HELD, 0.0, REST._replace(**start), SLOW) for start in ({"a_mps2": 1.5}, {"v_mps": 0.3})),
+        (HELD, 0.0, REST, HELD),
         # one that rolls back is braked unless it is to start
         *((law, vx_mps, REST, HELD) for law in LAWS for vx_mps in (-0.2, -3.0)),
         *((law, vx_mps, START, SLOW) for law in LAWS for vx_mps in (-0.2, -3.0)),

@@ -37,29 +37,16 @@ LONG = "/tmp/[/x]/[sim]/" + 20 * "long-folder/"
         ("--bus socketcan --pace lockstep", "--pace lockstep: expected --bus virtual"),
         ("--bus socketcan --scenario straight", "--scenario: expected --bus virtual"),
         ("explain run.log --tick=-1", "--tick: expected at least 0, found -1."),
-        (
-            "signals check car.toml --bus local --listen-s=nan",
-            "--listen-s: expected a finite number",
-        ),
-        (
-            "signals check car.toml --bus local --bitrate=-5",
-            "--bitrate: expected more than 0, found",
-        ),
+        ("signals check car.toml --bus local --listen-s=nan", "--listen-s: expected a finite"),
+        ("signals check car.toml --bus local --bitrate=-5", "--bitrate: expected more than 0"),
         ("--bus virtual --mpc.tolerance.ey-m=-0.1", "--mpc.tolerance.ey-m: expected at least"),
         ("--bus virtual --realtime.cpu 99999999999999999999999", "--realtime.cpu"),
         ("--bus virtual --pace leisurely", "--pace"),
         ("--bus virtual --duration-s 0", "--duration-s: expected more than 0.0"),
         ("--bus virtual --no-such-option 1", "--no-such-option"),
         ("--bus socketcan --channel can0 --model empty", "koopman.npz"),
-        (
-            "--bus virtual --mpc.horizon 1 --realtime.phase-ms 99",
-            "--mpc.horizon: expected at least 3, found '1'.\n--realtime.phase-ms: expected less",
-        ),
         (f"--bus virtual --model {LONG}", LONG),  # neither wrapped nor read as markup
-        (
-            "--bus virtual --record drive.log --json folder/../drive.log",
-            "expected a file of its own, found that of --record",
-        ),
+        ("--bus virtual --record drive.log --json folder/../drive.log", "found that of --record"),
         ("--bus virtual --model run", "a run: its bundle is run/bundle."),
         ("--bus virtual --model folder", "export it first: offline-export folder."),
         ("--bus virtual --json missing/file", "--json missing/file: expected a file"),
@@ -160,13 +147,7 @@ def brake_alone(session: ControllerSession) -> None:
         (Ending.STOPPED, request_thrice, "virtual", 0, ""),
         (Ending.SAFE_STOPPED, request_thrice, "virtual", 6, "Faults of this drive: state_lost"),
         (Ending.ENDED_AT_ONCE, request_thrice, "virtual", 130, "ended at once at an unknown speed"),
-        (
-            Ending.SAFE_STOPPED,
-            lose_the_state,
-            "virtual",
-            6,
-            "no new vehicle state arrived in time. Fau",
-        ),
+        (Ending.SAFE_STOPPED, lose_the_state, "virtual", 6, "state arrived in time. Fau"),
         (Ending.SAFE_STOPPED, fail_a_bus, "virtual", 5, "then: the bus cannot be read"),
         (Ending.STOPPED, fail_a_bus, "virtual", 5, "then: the bus cannot be read"),
         (Ending.STOPPED, brake_alone, "local", 6, f"then braked by itself. {VEHICLE_KNOWS}"),
@@ -197,6 +178,7 @@ def test_all_names_and_ranges_are_refused_in_one_message_before_anything_is_load
         "--friction": "7",
         "--plant": "mine",
         "--mpc.horizon": "2",
+        "--realtime.phase-ms": "99",
     }
     code, message = run("--bus", "virtual", *(part for item in wrong.items() for part in item))
     assert code == 2

@@ -57,28 +57,18 @@ except BaseException:  # as a compiled module may do while it is initialised
         f"""
 import time
 def main():
-    print({STARTED!r}, flush=True)
-    {WAIT}
-""",
-    ],
-)
-def test_ctrl_c_ends_an_import_and_the_work_after_it(text, tmp_path):
-    code, err = interrupted(LISTENING + waiting_module(tmp_path, text))
-    assert (code, err) == (INTERRUPTED, "program: ended by Ctrl-C\n")
-
-
-def test_a_command_at_work_cleans_up_after_ctrl_c(tmp_path):
-    text = f"""
-import time
-def main():
     try:
         print({STARTED!r}, flush=True)
         {WAIT}
     finally:
-        open({str(tmp_path / "cleaned")!r}, "w").close()
-"""
-    assert interrupted(LISTENING + waiting_module(tmp_path, text))[0] == INTERRUPTED
-    assert (tmp_path / "cleaned").exists()
+        open(__file__ + ".cleaned", "w").close()
+""",
+    ],
+)
+def test_ctrl_c_ends_an_import_and_the_work_after_it_which_cleans_up(text, tmp_path):
+    code, err = interrupted(LISTENING + waiting_module(tmp_path, text))
+    assert (code, err) == (INTERRUPTED, "program: ended by Ctrl-C\n")
+    assert (tmp_path / "loaded.py.cleaned").exists() is ("finally" in text)
 
 
 def test_an_ignored_ctrl_c_stays_ignored(tmp_path):

@@ -11,7 +11,7 @@ from typing import cast
 
 import can
 import pytest
-from own_car import EXAMPLE, VALUES, example, state_writer
+from own_car import EXAMPLE, VALUES, changed, example, state_writer
 
 import rt_controller.cli
 from rt_controller.contract.signals import Mode
@@ -175,11 +175,8 @@ def test_a_gap_of_a_message_is_explained_once_and_what_was_not_compared_is_said(
 
 
 def test_messages_that_cannot_be_read_are_counted_in_a_note(log, tmp_path, capsys):
-    for name in ("car.toml", "line.csv", "car.dbc"):
-        (tmp_path / name).write_bytes((EXAMPLE.parent / name).read_bytes())
     defect = '\nBO_ 900 Radio: 8 CAR\n SG_ Volume : 60|8@1+ (1,0) [0|1] "" CAR\n\nBA_DEF_ BO_ "Gen'
-    dbc = (tmp_path / "car.dbc").read_text("cp1252").replace('\nBA_DEF_ BO_ "Gen', defect, 1)
-    (tmp_path / "car.dbc").write_text(dbc, "cp1252")
+    changed(tmp_path, ('\nBA_DEF_ BO_ "Gen', defect))
     assert run_signals("signals", "check", str(tmp_path / "car.toml"), str(log)) == 8
     shown = " ".join(capsys.readouterr().err.split())
     assert "messages cannot be read (first: Radio: The signal Volume does not fit in" in shown

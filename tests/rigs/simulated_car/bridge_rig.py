@@ -5,7 +5,7 @@ from contextlib import contextmanager
 from itertools import count
 from typing import Any, NamedTuple
 
-from recorded_frames import RecordedFrames
+from made_frames import RecordedFrames
 
 from rt_controller.bus.messages import (
     COMMAND,

@@ -186,13 +186,6 @@ def test_a_path_that_continues_the_one_before_is_followed():
         assert qualified.is_path_received
 
 
-def test_a_car_that_stays_far_from_its_path_is_stopped_in_the_eighth_tick():
-    car = driven(5, only(Quantity.TRACKING_M))
-    car.path = STRAIGHT._replace(c0_m=1.2)
-    alarms = [car.tick().alarm for _ in range(8)]
-    assert alarms == [StopCause.NONE] * 7 + [StopCause.TRACKING_LOST]
-
-
 def test_a_curvature_that_contradicts_the_preview_is_replaced_by_it():
     car = driven(20, WITHOUT_FROZEN, preview=CurvaturePreview(5.0, 0.0, 0.0, 0.0, 0.0, 0.0))
     car.disturb = lambda received: replace(received, curvature_per_m=0.003)
