@@ -25,6 +25,11 @@ COST = TrackingCost(
 TIERS = {"slew rows": None, "corridor": Corridor(0.2, 0.05)}
 
 
+GAIN = 0.3
+"""of the gains of the inputs, relative to B_uc: with 1 the roll-out grows from stage to stage until
+the Hessian has eigenvalues of 5e8, and no solver reaches the tolerances of `open_precise`"""
+
+
 def random_bundle(rng: np.random.Generator, rank: int = 0, drift: int = 0) -> Bundle:
     """With as many gains of each input, and of the drift."""
     n = N_OBSERVABLES
@@ -32,7 +37,7 @@ def random_bundle(rng: np.random.Generator, rank: int = 0, drift: int = 0) -> Bu
     A *= 0.97 / max(abs(np.linalg.eigvals(A)))
     size = np.array([0.3, 0.003, 0.4])
     of_inputs = input_gains(
-        N=rng.normal(size=(rank, n, 3)) * size,
+        N=GAIN * rng.normal(size=(rank, n, 3)) * size,
         S=rng.normal(size=(rank, 3, n)),
         s0=rng.normal(size=(rank, 3)),
         saturates=True,
