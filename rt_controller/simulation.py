@@ -18,12 +18,13 @@ from rt_controller.control.low_speed import LowSpeedCar
 from rt_controller.control.mpc import Mpc
 from rt_controller.drive.scenario import DrivenScenario, LateralError
 from rt_controller.drive.table import Drive
+from rt_controller.model.artifact import find_model, load_bundle
 from rt_controller.model.bundle import Bundle
 from rt_controller.node import build_mpc
 from rt_controller.realtime.clock import LockstepClock
 from rt_controller.safety.checks import Check
 from rt_controller.session import ControllerSession
-from rt_controller.settings import OWN, VIRTUAL, BusSettings, CarSettings
+from rt_controller.settings import MODEL, OWN, VIRTUAL, BusSettings, CarSettings
 
 if TYPE_CHECKING:
     from sim_bridge.plant.protocol import Plant
@@ -95,7 +96,13 @@ def scenario_notes(
     from sim_bridge.scenario_checks import notes
 
     scenario, has_own_friction = car.bridge.scenario, friction is not None
-    return notes(scenario, has_own_friction, model, known.geometry, known.model_rad)
+    yield from notes(scenario, has_own_friction, model, known.geometry, known.model_rad)
+    kind, _, folder = car.bridge.plant_name.partition(":")
+    if kind == MODEL and load_bundle(find_model(folder)).sha256 == model.sha256:
+        yield (
+            "the car is the model of the controller, so the drive shows no error of the model. "
+            "Another model or a simulated car as --plant shows it."
+        )
 
 
 def require_scenario(found: object) -> None:

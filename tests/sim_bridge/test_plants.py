@@ -102,6 +102,19 @@ def test_the_command_line_says_what_it_expected(
     assert words in " ".join(capsys.readouterr().err.split())
 
 
+@pytest.mark.parametrize(("model", "is_noted"), [("mdk-net", True), ("lti", False)])
+def test_a_car_that_is_the_model_of_the_controller_is_noted(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str],
+    model: str, is_noted: bool,
+) -> None:  # fmt: skip
+    drive = ("--bus", "virtual", "--check", "--plant", f"model:{model}")
+    monkeypatch.setattr("sys.argv", ["rt-controller", *drive])
+    with pytest.raises(SystemExit) as ended:
+        rt_controller.cli.main()
+    assert ended.value.code == 0
+    assert ("the car is the model of the controller" in capsys.readouterr().err) is is_noted
+
+
 def test_help_lists_options_without_importing_compiler_and_tools() -> None:
     program = (
         "import atexit, sys; from sim_bridge.cli import main;"

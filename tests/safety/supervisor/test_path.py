@@ -66,6 +66,18 @@ def test_without_a_state_a_curvature_ahead_is_rejected_if_it_jumps_and_not_estim
     assert (car.tick().preview is None) is not is_state_lost
 
 
+@pytest.mark.parametrize("ticks", [1, 3])
+def test_an_implausible_curvature_ahead_is_used_in_a_stop_at_most(ticks):
+    car = driven(ticks, (), preview=RAMP, disturb=implausible)
+    assert {qualified.preview for qualified in car.qualified} == {None}
+    car.is_stopping = True
+    assert car.tick().preview is not None
+
+
+def implausible(received):
+    return replace(received, has_implausible_preview=True)
+
+
 def test_a_lost_path_is_replaced_by_the_last_one_moved_along():
     car = driven(1, path=STRAIGHT._replace(c1=0.02), epsi_rad=0.02)
     car.path = None

@@ -227,6 +227,16 @@ def test_only_a_car_inside_of_the_engagement_window_is_taken_over(car, is_refuse
     assert qualified.is_measured is not is_refused
 
 
+@pytest.mark.parametrize(
+    ("epsi_rad", "vy_mps", "is_refused"),
+    [(-0.19, 0.5, False), (0.19, -0.5, False), (-0.12, -0.5, True), (0.12, 0.5, True)],
+)
+def test_the_course_of_a_car_in_a_bend_counts_and_not_its_heading(epsi_rad, vy_mps, is_refused):
+    """The course is heading plus side slip, here 0.05 rad; 0.15 rad from the path are accepted."""
+    car = WatchedCar(vx_mps=10.0, epsi_rad=epsi_rad, disturb=replaced(vy_mps=vy_mps))
+    assert (car.tick().rejection is StopCause.NOT_ENGAGED) is is_refused
+
+
 @pytest.mark.parametrize("side", [-1.0, 1.0])
 @pytest.mark.parametrize(("away_mps", "is_refused"), [(-1.0, False), (1.0, True)])
 def test_a_car_that_slides_away_from_the_path_is_refused(side, away_mps, is_refused):
