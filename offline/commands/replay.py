@@ -3,10 +3,10 @@
 from collections.abc import Sequence
 from dataclasses import asdict
 from functools import partial
-from math import inf, isnan
+from math import isnan
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from cyclopts import Parameter
 from pydantic import Field
 
 from offline.commands.options import JsonFile, Logs
@@ -27,49 +27,48 @@ app = new_app(
     "offline-replay",
     "Drive the simulated car with the recorded steering and speed of a real one, and print how far "
     "its other signals are from the recorded ones. Nothing is judged. docs/validation.md has the "
-    "names of columns.",
-    "LOGS",
+    "names of the signals.",
+    "MAPPING LOGS",
 )
 main = partial(run_command, app)
 
 
 @app.default
 def replay(
+    mapping: Path,
     logs: Logs,
     *,
     car: str = DEFAULT_CAR,
-    column: Annotated[tuple[str, ...], Parameter(negative=(), show_default=False)] = (),
-    period_s: Annotated[float, Field(gt=0.0, lt=1.0)] | None = None,
-    from_s: Annotated[float, Field(ge=0.0, allow_inf_nan=False)] = 0.0,
-    to_s: Annotated[float, Field(gt=0.0), Parameter(show_default=False)] = inf,
     friction: Annotated[float, Field(gt=0.0, allow_inf_nan=False)] | None = None,
     json_file: JsonFile = None,
 ) -> None:
     """Compare the simulated car with recorded drives.
 
     Args:
-        logs: log files: CSV, npz, npy, MATLAB or Parquet
+        mapping: TOML file that maps columns to signals, as for offline-import
+        logs: log files, or folders of them
         car: name or file of the car
-        column: NAME=COLUMN: signal and unit of a column, as in yaw_rate_degps=r; NAME=-COLUMN
-            changes the sign; may be given several times
-        period_s: period of a log without a column of times
-        from_s: use the log from this time on, counted from its beginning
-        to_s: use the log until this time
         friction: of the road of the recording; default: that of the car file
     """
     require_packages("offline,logs", ("pandas",), "offline-replay")
     require_writable(json_file)
     from offline.evaluation.replay import replay_drive
-    from offline.logs.recorded_drive import Window, load_drive
+    from offline.logs.mapping import read_mapping
+    from offline.logs.readers.source import find_logs, read_log
+    from offline.logs.recorded_drive import recorded_drives, require_signals
+    from offline.logs.series import to_drive
     from rt_controller.report.table import print_table
     from sim_bridge.plant.parameters import load_parameters, with_road_friction
 
     parameters = load_parameters(car)
     if friction is not None:
         parameters = with_road_friction(parameters, friction)
-    drives = [load_drive(log, column, period_s, Window(from_s, to_s)) for log in logs]
+    columns, _ = read_mapping(mapping)
+    require_signals(mapping, columns)
+    found = find_logs(logs, columns)
+    drives = [recorded_drives(to_drive(read_log(each, columns), columns)) for each in found]
     with STDERR.status("driving"):
-        results = [replay_drive(parameters, drive) for drive in drives]
+        results = [replay_drive(parameters, drive) for parts in drives for drive in parts]
     print_table(comparison_table(results), STDOUT)
     write_figures(json_file, [asdict(one) for comparisons in results for one in comparisons])
 

@@ -23,7 +23,7 @@ from rt_controller.mapping.tables import CanSettings, Clock, MessageMapping, Sam
 from rt_controller.mapping.units import find_unit, unit_of_name
 
 Names = Sequence[str]
-"""names that one wanted column may have, the first one first; empty last: it may be missing"""
+"""names that one wanted column may have, the first one first"""
 
 
 BACKWARDS = (
@@ -242,7 +242,7 @@ def find_headings(path: Path, wanted: Sequence[Names], texts: Sequence[str]) -> 
                 f"{path}, column {name}: expected one column of that name, found {len(own)}. "
                 f"Rename them in the file."
             )
-        if not own and "" not in names:
+        if not own:
             raise DatasetError(
                 f"{path}: expected a column {' or '.join(map(repr, names))}, found none of that "
                 f"name. {columns_of('file', names[0], texts)} Name the column in the mapping as "

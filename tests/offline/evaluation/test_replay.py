@@ -3,6 +3,7 @@
 import json
 import re
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,66 +12,41 @@ from hypothesis import strategies as st
 
 from offline.commands.replay import doubts, replay
 from offline.evaluation.replay import Comparison, compare, replay_drive
-from offline.logs.recorded_drive import RecordedDrive, Window, load_drive
+from offline.logs.recorded_drive import RecordedDrive
 from rt_controller.contract.arrays import Array
-from rt_controller.contract.errors import ConfigError, RtControllerError
+from rt_controller.contract.errors import RtControllerError
 from rt_controller.contract.signals import ControlInput
 from sim_bridge.plant.parameters import default_car, with_road_friction
 from sim_bridge.validation.driver_model import SpeedControl
 from sim_bridge.validation.run import Observation, cruising_throttle, run_driver
 
 CAR = default_car()
+TWO_ANGLES = 'road_wheel_rad = { column = "pedal", unit = "deg"'
+MAY_BE_MISSING = '"%", missing = "skip" }'
 EVERY = np.ones(1500, dtype=bool)
 TIME_S = 0.01 * np.arange(1500)
+
+
+MAPPING = """
+time = { column = "t", unit = "ms" }
+[states]
+vx_mps = { column = "v", unit = "km/h" }
+yaw_rate_radps = { column = "r", unit = "deg/s", sign = -1 }
+[inputs]
+steer_rad = { column = "wheel", unit = "deg" }
+throttle = { column = "pedal", unit = "%" }
+"""
 
 
 def columns_of_a_log(n: int = 1000) -> dict[str, Array]:
     time_s = 0.02 * np.arange(n)
     return {
-        "time_s": 12.0 + time_s,
-        "steer_deg": 20.0 * np.sin(time_s),
-        "vx_mps": 20.0 + np.sin(0.3 * time_s),
-        "yaw_rate_radps": 0.1 * np.sin(time_s),
+        "t": 12e3 + 1e3 * time_s,
+        "wheel": 20.0 * np.sin(time_s),
+        "v": 3.6 * (20.0 + np.sin(0.3 * time_s)),
+        "r": -np.degrees(0.1 * np.sin(time_s)),
+        "pedal": 20.0 + np.sin(time_s),
     }
-
-
-def write_csv(path: Path, columns: dict[str, Array], separator: str = ",") -> Path:
-    rows = zip(*columns.values(), strict=True)
-    lines = [separator.join(columns)]
-    lines += [separator.join(f"{value:.9g}" for value in row) for row in rows]
-    path.write_text("\n".join(lines) + "\n")
-    return path
-
-
-def test_a_log_is_read_with_the_units_in_its_names(tmp_path):
-    drive = load_drive(write_csv(tmp_path / "a.csv", columns_of_a_log(), ";"))
-    time_s = 0.01 * np.arange(len(drive.steer_rad))
-    assert len(time_s) == pytest.approx(1999, abs=1)
-    assert not drive.is_road_wheel
-    np.testing.assert_allclose(drive.steer_rad, np.radians(20.0) * np.sin(time_s), atol=1e-4)
-    np.testing.assert_allclose(drive.signals["yaw_rate_radps"], 0.1 * np.sin(time_s), atol=1e-4)
-
-
-def test_an_assignment_states_unit_and_sign_of_a_column(tmp_path: Path) -> None:
-    columns = columns_of_a_log()
-    factors = {"t": 1e3, "delta": 1.0, "u": 3.6, "r": -np.degrees(1.0)}
-    own = {
-        name: factor * values
-        for (name, factor), values in zip(factors.items(), columns.values(), strict=True)
-    }
-    assignments = ("time_ms=t", "road_wheel_deg=delta", "vx_kmh=u", "yaw_rate_degps=-r")
-    drive = load_drive(write_csv(tmp_path / "own.csv", own), assignments)
-    same = load_drive(write_csv(tmp_path / "same.csv", columns))
-    assert drive.is_road_wheel
-    np.testing.assert_allclose(drive.steer_rad, same.steer_rad, atol=1e-6)
-    np.testing.assert_allclose(drive.speed_mps, same.speed_mps, atol=1e-6)
-    np.testing.assert_allclose(
-        drive.signals["yaw_rate_radps"], same.signals["yaw_rate_radps"], atol=1e-6
-    )
-
-
-def without(name: str) -> dict[str, Array]:
-    return {key: values for key, values in columns_of_a_log().items() if key != name}
 
 
 def changed(name: str, rows: slice, value: float) -> dict[str, Array]:
@@ -79,55 +55,32 @@ def changed(name: str, rows: slice, value: float) -> dict[str, Array]:
     return columns
 
 
+def run(folder: Path, columns: dict[str, Array], mapping: str = MAPPING) -> list[dict[str, Any]]:
+    """The figures of the command, from the file that it writes."""
+    rows = zip(*columns.values(), strict=True)
+    lines = [",".join(columns), *(",".join(f"{value:.9g}" for value in row) for row in rows)]
+    (folder / "log.csv").write_text("\n".join(lines) + "\n")
+    (folder / "map.toml").write_text(mapping)
+    replay(folder / "map.toml", [folder / "log.csv"], json_file=folder / "figures.json")
+    found: list[dict[str, Any]] = json.loads((folder / "figures.json").read_text("utf-8"))
+    return found
+
+
 @pytest.mark.parametrize(
-    ("columns", "assignments", "words"),
+    ("columns", "replaced", "words"),
     [
-        (columns_of_a_log(), ("speed=vx_mps",), "speed=vx_mps"),
-        (columns_of_a_log(), ("vx_mps=c",), "'c'"),
-        (without("time_s"), (), "'time_s'"),
-        (without("vx_mps"), (), "'vx_mps' or 'vx_kmh'"),
-        (without("steer_deg"), (), "steering wheel"),
-        (without("yaw_rate_radps"), (), "yaw_rate_degps"),
-        (changed("time_s", slice(500, 501), 21.98), (), "increase"),
-        (changed("time_s", slice(0, 1), 1.0), (), "gap above 0.5 s"),
-        (changed("yaw_rate_radps", slice(100, 103), np.nan), (), "nan at 2 s"),
-        (changed("vx_mps", slice(0, 100), 0.0), (), "--from-s"),
-        (changed("vx_mps", slice(0, None), 72.0), (), "usable part: none"),
-        (
-            {**without("yaw_rate_radps"), "r (rad/s)": columns_of_a_log()["yaw_rate_radps"]},
-            *(("yaw_rate_degps=r",), "column r"),
-        ),
+        ({}, ("vx_mps", "u_mps"), "expected the speed, vx_mps"),
+        ({}, ("steer_rad", "angle_rad"), "either steer_rad or road_wheel_rad, found none"),
+        ({}, ('throttle = { column = "pedal", unit = "%"', TWO_ANGLES), "found road_wheel_rad and"),
+        ({}, ("yaw_rate_radps", "other_radps"), "one of yaw_rate_radps, vy_mps"),
+        (changed("t", slice(500, 501), 21980.0), ("", ""), "increase"),
+        (changed("v", slice(0, 800), 0.0), ("", ""), "at least 5 s without gap at 2 to 70 m/s"),
+        (changed("v", slice(100, 900, 200), 220.0), ("", ""), "found 3.96 s"),
     ],
 )
-def test_a_log_that_cannot_be_used_is_refused_with_the_reason(
-    tmp_path, columns, assignments, words
-):
-    log = write_csv(tmp_path / "log.csv", columns)
+def test_a_log_that_cannot_be_used_is_refused_with_the_reason(tmp_path, columns, replaced, words):
     with pytest.raises(RtControllerError, match=re.escape(words)):
-        load_drive(log, assignments)
-
-
-@pytest.mark.parametrize("kept", [slice(0, 300), slice(500, None), slice(0, 0)])
-def test_a_channel_that_is_not_known_all_the_time_is_refused(tmp_path: Path, kept: slice) -> None:
-    mdf, signal = (pytest.importorskip("asammdf").MDF(), pytest.importorskip("asammdf").Signal)
-    columns = columns_of_a_log()
-    time_s = columns.pop("time_s")
-    for name, values in columns.items():
-        part = kept if name == "yaw_rate_radps" else slice(None)
-        mdf.append([signal(values[part], time_s[part], name=name)])
-    mdf.save(tmp_path / "log.mf4")
-    mdf.close()
-    with pytest.raises(ConfigError, match=r"column yaw_rate_radps: expected no gap above 0\.5 s"):
-        load_drive(tmp_path / "log.mf4")
-
-
-def test_a_part_of_a_log_and_a_log_without_times_can_be_used(tmp_path: Path) -> None:
-    log = write_csv(tmp_path / "log.csv", changed("vx_mps", slice(0, 100), 0.0))
-    assert load_drive(log, window=Window(2.0, 15.0)).speed_mps.min() > 18.0
-    with pytest.raises(ConfigError, match="at least 5 s"):
-        load_drive(log, window=Window(2.0, 4.0))
-    plain = write_csv(tmp_path / "plain.csv", without("time_s"))
-    assert len(load_drive(plain, period_s=0.02).speed_mps) > 1900
+        run(tmp_path, columns or columns_of_a_log(), MAPPING.replace(*replaced))
 
 
 def wave(time_s: Array) -> Array:
@@ -218,13 +171,21 @@ def test_a_car_that_spins_is_started_again_and_its_start_is_left_out(drive: Reco
     assert found[0].compared_s <= 16.01 - 2.0 - 2.0
 
 
-def test_the_command_prints_and_writes_the_figures(
+def test_every_driven_stretch_is_compared_in_the_units_of_the_mapping(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    log = write_csv(tmp_path / "log.csv", columns_of_a_log())
-    replay([log], column=("yaw_rate_radps=-yaw_rate_radps",), json_file=tmp_path / "figures.json")
-    rate, yaw_rate = json.loads((tmp_path / "figures.json").read_text("utf-8"))
+    """The pedal is unknown for some time, which does not matter; the car stops in between."""
+    columns = changed("pedal", slice(100, 103), np.nan)
+    columns["v"][440:460] = 0.0
+    rate, yaw_rate, *second = run(tmp_path, columns, MAPPING.replace('"%" }', MAY_BE_MISSING))
     assert (rate["signal"], yaw_rate["signal"]) == ("speed_rate_mps2", "yaw_rate_radps")
-    assert yaw_rate["gain"] < 0.0
+    assert (rate["recording"], second[0]["recording"]) == (
+        "log.csv from 0.0 s",
+        "log.csv from 9.2 s",
+    )
+    assert yaw_rate["rms_recorded"] == pytest.approx(0.07, abs=0.005)
+    assert yaw_rate["gain"] > 0.5
     assert {"recording", "rms_recorded", "rms_error", "lag_s", "spins", "compared_s"} <= set(rate)
+    (again,) = run(tmp_path, columns_of_a_log(), MAPPING.replace(", sign = -1", ""))[1:]
+    assert again["gain"] < -0.5
     assert "wrong sign?" in " ".join(capsys.readouterr().out.split())
