@@ -65,15 +65,16 @@ class CutDrive(NamedTuple):
 def make_schema(mapping: LogMapping, drives: Sequence[LoggedDrive]) -> Schema:
     """The signals of the data set in the units of the drives; `DatasetError` if these differ."""
     first = drives[0]
-    for series in (each for drive in drives for each in drive.signals):
-        unit = next(each.unit for each in first.signals if each.name == series.name)
-        if series.unit != unit:
+    for signal in (each for drive in drives for each in drive.signals):
+        unit = next(each.unit for each in first.signals if each.name == signal.name)
+        if signal.unit != unit:
             raise DatasetError(
-                f"{series.place}: expected {series.name} in {unit} as in {first.name}, found "
-                f"{series.unit}. All logs of one import need the same units; convert that one."
+                f"{signal.column.place}: expected {signal.name} in {unit} as in {first.name}, "
+                f"found {signal.unit}. All logs of one import need the same units; convert that "
+                f"one."
             )
     units = {each.name: each.unit for each in (*VEHICLE.states, *VEHICLE.exogenous)}
-    units |= {series.name: series.unit for series in first.signals}
+    units |= {signal.name: signal.unit for signal in first.signals}
     states, inputs, exogenous = (
         tuple(Signal(name, units[name]) for name in names)
         for names in (mapping.state_names, mapping.inputs, mapping.exogenous_names)

@@ -148,8 +148,8 @@ def require_episodes(
         "steepest_per_s of the signals, delay_s, the unit of time"
     )
     if stretches:
-        duration_s, series, begin_s = max(stretches, key=lambda each: each[0])
-        place = series.place_of(min(int(np.searchsorted(series.t_s, begin_s)), len(series.row) - 1))
+        duration_s, signal, begin_s = max(stretches, key=lambda each: each[0])
+        place = signal.place_of(min(int(np.searchsorted(signal.t_s, begin_s)), len(signal.row) - 1))
         longest = f"one of {round(duration_s / mapping.period_s) + 1} and none longer"
     elif mapping.pose and off_line:
         near = f"{mapping.pose.farthest_m:g} m of {mapping.pose.reference_line}"
@@ -172,10 +172,10 @@ def _find_constant(drives: Sequence[LoggedDrive], mapping: LogMapping) -> list[s
             continue
         if not signal.may_be_constant and name not in mapping.exogenous:
             raise DatasetError(
-                f"{first.place}, {first.word}s {first.row[0]} to {first.row[-1]}: expected "
-                f"{name} to change, found {low:.6g} {first.unit} all the time, in {len(drives)} "
-                f"logs. Remove it from the mapping, name another column, or write may_be_constant "
-                f"= true for it."
+                f"{first.column.place}, {first.column.word}s {first.row[0]} to {first.row[-1]}: "
+                f"expected {name} to change, found {low:.6g} {first.unit} all the time, in "
+                f"{len(drives)} logs. Remove it from the mapping, name another column, or write "
+                f"may_be_constant = true for it."
             )
         constant.append(name)
     return constant
@@ -183,15 +183,17 @@ def _find_constant(drives: Sequence[LoggedDrive], mapping: LogMapping) -> list[s
 
 def _file(drive: LoggedDrive, cut: CutDrive, mapping: LogMapping) -> Figures:
     """What was made of one log, and the gaps of its signal with the longest ones."""
-    series = drive.all_series
-    worst = max(series, key=lambda each: each.missing_s)
-    first = f"{worst.name}, {worst.word} {worst.row[worst.gaps[0] + 1]}" if worst.gaps else ""
+    signals = drive.all_signals
+    worst = max(signals, key=lambda each: each.missing_s)
+    first = (
+        f"{worst.name}, {worst.column.word} {worst.row[worst.gaps[0] + 1]}" if worst.gaps else ""
+    )
     gaps = {"file": drive.name, "number": len(worst.gaps), "missing_s": worst.missing_s}
     return {
         "name": drive.name,
         "rows": drive.rows,
-        "duration_s": float(max(s.t_s[-1] for s in series) - min(s.t_s[0] for s in series)),
-        "slowest_step_s": max(s.usual_step_s for s in series),
+        "duration_s": float(max(s.t_s[-1] for s in signals) - min(s.t_s[0] for s in signals)),
+        "slowest_step_s": max(s.usual_step_s for s in signals),
         "stretches": cut.stretches,
         "episodes": len(cut.episodes),
         "kept_s": mapping.period_s * sum(len(episode) - 1 for episode in cut.episodes),
@@ -223,11 +225,13 @@ def _sampling_issues(
                 f"nearest point jumps; the drive is cut there. farthest_m in [pose] sets the limit",
             )
     for drive in drives:
-        for series in drive.all_series:
-            if series.unusable:
-                yield Issue("no measurement", f"{drive.name}, {series.name}", series.unusable)
-    for of_drives in zip(*(drive.all_series for drive in drives), strict=True):
-        jumps = sum(series.jumps for series in of_drives)
+        for signal in drive.all_signals:
+            if signal.column.unusable:
+                yield Issue(
+                    "no measurement", f"{drive.name}, {signal.name}", signal.column.unusable
+                )
+    for of_drives in zip(*(drive.all_signals for drive in drives), strict=True):
+        jumps = sum(signal.jumps for signal in of_drives)
         if jumps:
             yield Issue(
                 "jumps",
@@ -237,7 +241,7 @@ def _sampling_issues(
                 f"sets the limit",
             )
     steps_s = {
-        each[0].name: max(series.usual_step_s for series in each)
+        each[0].name: max(signal.usual_step_s for signal in each)
         for each in zip(*(drive.signals for drive in drives), strict=True)
         if each[0].name in mapping.signals
     }

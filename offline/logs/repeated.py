@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from offline.logs.episode import LEAST_SAMPLES
-from offline.logs.readers.log import Series
-from offline.logs.series import LoggedDrive
+from offline.logs.series import LoggedDrive, LogSignal
 from rt_controller.contract.arrays import Array
 
 _CHANGES = 24
@@ -53,16 +52,16 @@ def find_repeated(drives: Sequence[LoggedDrive], period_s: float) -> list[str]:
                 places = f"{begins_s[1]:.4g} s on, there {begins_s[0]:.4g} s on"
                 found[common.drives] = f"among others from {places}"
     return [
-        f"{drives[k].signals[0].path} has the same samples as {drives[first].name}, {where}: a "
-        f"test on one of them is a test on training data. Leave one out, or the part that they "
-        f"share; if they are different drives, write accept_repeated = true in [checks]."
+        f"{drives[k].signals[0].column.path} has the same samples as {drives[first].name}, "
+        f"{where}: a test on one of them is a test on training data. Leave one out, or the part "
+        f"that they share; if they are different drives, write accept_repeated = true in [checks]."
         for (first, k), where in found.items()
     ]
 
 
-def _common_changes(same: Sequence[Series]) -> Iterator[_Common]:
+def _common_changes(same: Sequence[LogSignal]) -> Iterator[_Common]:
     """Places where a signal changes equally in two drives, for the same length of time."""
-    parts = [_changes(series) for series in same]
+    parts = [_changes(signal) for signal in same]
     known = [k for k, part in enumerate(parts) if len(part[0])]
     if len(known) < 2:
         return
@@ -80,12 +79,12 @@ def _common_changes(same: Sequence[Series]) -> Iterator[_Common]:
                 yield _Common((other, k), (float(other_begin_s[j]), float(begin_s[i])))
 
 
-def _changes(series: Series) -> tuple[NDArray[np.uint64], Array, Array]:
+def _changes(signal: LogSignal) -> tuple[NDArray[np.uint64], Array, Array]:
     """Hash (M,) of every `_CHANGES` successive changes of a signal, their begin and length in s."""
-    rounded = series.values.astype(np.float32) + np.float32(0.0)  # no negative zero
+    rounded = signal.values.astype(np.float32) + np.float32(0.0)  # no negative zero
     codes = ((rounded.view(np.uint32).astype(np.uint64) + 8) >> 4).astype(np.uint64)
     is_new = np.flatnonzero(np.diff(codes, prepend=codes[:1] + np.uint64(1)))
-    codes, t_s = codes[is_new], series.t_s[is_new]
+    codes, t_s = codes[is_new], signal.t_s[is_new]
     if len(codes) <= _CHANGES:
         return np.zeros(0, np.uint64), np.zeros(0), np.zeros(0)
     powers, inverses = (
@@ -129,7 +128,7 @@ def _extent(drive: LoggedDrive) -> tuple[float, float]:
     )
 
 
-def _between(series: Series, begin_s: float, end_s: float) -> tuple[Array, Array]:
+def _between(signal: LogSignal, begin_s: float, end_s: float) -> tuple[Array, Array]:
     edges = (begin_s - _TIME_TOLERANCE_S, end_s + _TIME_TOLERANCE_S)
-    low, high = np.searchsorted(series.t_s, edges)
-    return series.t_s[low:high], series.values[low:high]
+    low, high = np.searchsorted(signal.t_s, edges)
+    return signal.t_s[low:high], signal.values[low:high]

@@ -1,6 +1,6 @@
 """The signals of a drive in SI: from columns of a log, checked sample by sample, to one period."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from offline.logs.mapping import LogMapping
-from offline.logs.readers.log import Log, Series
+from offline.logs.readers.log import Log, LogColumn
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.errors import DatasetError
 from rt_controller.mapping.quantity import limits_of
@@ -26,19 +26,56 @@ _SLACK = 1e-6
 """of a period, so that rounding of time stamps loses no sample"""
 
 
+@dataclass(frozen=True, slots=True)
+class LogSignal:
+    """A signal of one log in SI."""
+
+    name: str
+    unit: str
+    t_s: Array
+    """(N,) time of measurement, increasing; delays are subtracted"""
+    values: Array
+    """(N,) finite"""
+    row: NDArray[np.int64]
+    """(N,) row number of each sample in the file"""
+    column: LogColumn
+    """that it was made of"""
+    sampling: Sampling
+    connected: NDArray[np.bool_]
+    """(N-1,) whether it is known between a sample and the next"""
+    gaps: tuple[int, ...] = ()
+    """samples whose next one is too far away to bridge"""
+    jumps: int = 0
+    """how often it changed faster than possible"""
+
+    def place_of(self, sample: int) -> str:
+        """File, column and row of a sample, for messages."""
+        return f"{self.column.place}, {self.column.word} {self.row[sample]}"
+
+    @property
+    def usual_step_s(self) -> float:
+        """Median time between two samples."""
+        return float(np.median(np.diff(self.t_s)))
+
+    @property
+    def missing_s(self) -> float:
+        """Sum of all gaps."""
+        return float(np.diff(self.t_s)[list(self.gaps)].sum())
+
+
 class LoggedDrive(NamedTuple):
     """All signals of one log, and its poses if the mapping has [pose]."""
 
     name: str
     rows: int
     """in its longest file"""
-    signals: tuple[Series, ...]
+    signals: tuple[LogSignal, ...]
     """in the order of `LogMapping.read_signals`"""
-    poses: tuple[Series, ...] = ()
+    poses: tuple[LogSignal, ...] = ()
     """x, y, and yaw continuous over full turns; or none"""
 
     @property
-    def all_series(self) -> tuple[Series, ...]:
+    def all_signals(self) -> tuple[LogSignal, ...]:
         """Signals and poses."""
         return (*self.signals, *self.poses)
 
@@ -56,102 +93,102 @@ def to_drive(log: Log, mapping: LogMapping) -> LoggedDrive:
     Raises:
         DatasetError: a number is missing or impossible, time runs backwards, or units do not fit.
     """
-    begin_s = min((channel.t_s[0] for channel in log.channels if len(channel.t_s)), default=0.0)
+    begin_s = min((each.t_s[0] for each in log.columns if len(each.t_s)), default=0.0)
     signals = tuple(
-        _within_limits(mapping, _to_series(log, mapping, begin_s, name, column), column)
+        _within_limits(mapping, _to_signal(log, mapping, begin_s, name, column), column)
         for name, column in mapping.read_signals.items()
     )
     poses = []
     for (name, unit, steepest), pose in zip(POSE_SIGNALS, mapping.pose_columns, strict=False):
-        series = _to_series(log, mapping, begin_s, name, pose, unit)
+        signal = _to_signal(log, mapping, begin_s, name, pose, unit)
         if name == "yaw":
-            series = replace(series, values=np.unwrap(series.values))
-        poses.append(_without_jumps(series, steepest))
+            signal = replace(signal, values=np.unwrap(signal.values))
+        poses.append(_without_jumps(signal, steepest))
     return LoggedDrive(log.name, log.rows, signals, tuple(poses))
 
 
-def _to_series(
+def _to_signal(
     log: Log,
     mapping: LogMapping,
     begin_s: float,
     name: str,
-    column: ColumnMapping,
+    settings: ColumnMapping,
     unit: str | None = None,
-) -> Series:
-    channel = log.channel(*column.names, file=column.file)
+) -> LogSignal:
+    column = log.column(*settings.names, file=settings.file)
     scaling = scaling_of(
-        channel.place, channel.unit or None, column, name, unit or si_unit_of_name(name)
+        column.place, column.unit or None, settings, name, unit or si_unit_of_name(name)
     )
-    is_known = np.isfinite(channel.values)
+    is_known = np.isfinite(column.values)
     missing = np.flatnonzero(~is_known)
-    if column.missing == "refuse" and len(missing):
-        found = "none, or text" if np.isnan(channel.values[missing[0]]) else "an infinite one"
+    if settings.missing == "refuse" and len(missing):
+        found = "none, or text" if np.isnan(column.values[missing[0]]) else "an infinite one"
         raise DatasetError(
-            f"{channel.place_of(missing[0])}: expected a number, found {found} "
+            f"{column.place_of(missing[0])}: expected a number, found {found} "
             f"({len(missing)} of {len(is_known)} samples). Export the column without such cells, "
             f'or write missing = "skip" for {name} if other columns are sampled faster.'
         )
-    kept = is_known & (channel.t_s >= begin_s + mapping.time.skip_first_s)
+    kept = is_known & (column.t_s >= begin_s + mapping.time.skip_first_s)
     if np.count_nonzero(kept) < 2:
         raise DatasetError(
-            f"{channel.place}: expected at least two samples, found {np.count_nonzero(kept)}. "
+            f"{column.place}: expected at least two samples, found {np.count_nonzero(kept)}. "
             f"Leave the file out."
         )
-    steps = np.diff(channel.t_s[kept])
-    longest_s = column.longest_gap_s or mapping.time.longest_gap_s
+    steps = np.diff(column.t_s[kept])
+    longest_s = settings.longest_gap_s or mapping.time.longest_gap_s
     is_near = steps <= (longest_s or LONGEST_GAP_PERIODS * np.median(steps))
-    return replace(
-        channel,
+    return LogSignal(
         name=name,
         unit=scaling.si,
-        t_s=channel.t_s[kept] - column.delay_s,
-        values=scaling.factor * channel.values[kept] + scaling.offset,
-        row=channel.row[kept],
-        sampling=column.sampling,
+        t_s=column.t_s[kept] - settings.delay_s,
+        values=scaling.factor * column.values[kept] + scaling.offset,
+        row=column.row[kept],
+        column=column,
+        sampling=settings.sampling,
         connected=is_near,
         gaps=tuple(np.flatnonzero(~is_near).tolist()),
     )
 
 
-def _within_limits(mapping: LogMapping, series: Series, column: SignalMapping) -> Series:
-    """The series, cut where it leaves `keep` or jumps; `DatasetError` if it is not plausible."""
-    limits = limits_of(mapping.quantity(series.name), series.unit)
+def _within_limits(mapping: LogMapping, signal: LogSignal, column: SignalMapping) -> LogSignal:
+    """The signal, cut where it leaves `keep` or jumps; `DatasetError` if it is not plausible."""
+    limits = limits_of(mapping.quantity(signal.name), signal.unit)
     low, high = column.plausible or (limits.low, limits.high)
-    beyond = np.flatnonzero((series.values < low) | (series.values > high))
+    beyond = np.flatnonzero((signal.values < low) | (signal.values > high))
     if len(beyond):
         k = int(beyond[0])
         raise DatasetError(
-            f"{series.place_of(k)}: expected {series.name} between {low:g} and {high:g} "
-            f"{series.unit}, found {series.values[k]:.6g} ({len(beyond)} of {len(series.values)} "
+            f"{signal.place_of(k)}: expected {signal.name} between {low:g} and {high:g} "
+            f"{signal.unit}, found {signal.values[k]:.6g} ({len(beyond)} of {len(signal.values)} "
             f"samples). Correct the unit in the mapping, or correct the log, or write plausible = "
-            f"[low, high] for {series.name}."
+            f"[low, high] for {signal.name}."
         )
-    series = _without_jumps(series, column.steepest_per_s or limits.steepest_per_s)
+    signal = _without_jumps(signal, column.steepest_per_s or limits.steepest_per_s)
     if column.keep is None:
-        return series
-    is_kept = (series.values >= column.keep[0]) & (series.values <= column.keep[1])
-    return replace(series, connected=series.connected & is_kept[:-1] & is_kept[1:])
+        return signal
+    is_kept = (signal.values >= column.keep[0]) & (signal.values <= column.keep[1])
+    return replace(signal, connected=signal.connected & is_kept[:-1] & is_kept[1:])
 
 
-def _without_jumps(series: Series, steepest_per_s: float) -> Series:
-    """The series, cut where it changes faster than that."""
-    steps = np.maximum(np.diff(series.t_s), SHORTEST_STEP_S)
-    jumps = series.connected & (np.abs(np.diff(series.values)) > steepest_per_s * steps)
-    return replace(series, connected=series.connected & ~jumps, jumps=int(np.count_nonzero(jumps)))
+def _without_jumps(signal: LogSignal, steepest_per_s: float) -> LogSignal:
+    """The signal, cut where it changes faster than that."""
+    steps = np.maximum(np.diff(signal.t_s), SHORTEST_STEP_S)
+    jumps = signal.connected & (np.abs(np.diff(signal.values)) > steepest_per_s * steps)
+    return replace(signal, connected=signal.connected & ~jumps, jumps=int(np.count_nonzero(jumps)))
 
 
 def find_stretches(drive: LoggedDrive) -> list[Stretch]:
     """The intervals in which all signals of a drive are known, in order."""
     changes = sorted(
-        (float(series.t_s[k]), change)
-        for series in drive.all_series
-        for run in runs(series.connected)
+        (float(signal.t_s[k]), change)
+        for signal in drive.all_signals
+        for run in runs(signal.connected)
         for k, change in zip(run, (1, -1), strict=True)
     )
     known, stretches = 0, []
     for (begin_s, change), (end_s, _) in pairwise(changes):
         known += change
-        if known == len(drive.all_series):
+        if known == len(drive.all_signals):
             stretches.append(Stretch(begin_s, end_s))
     return stretches
 
@@ -168,19 +205,19 @@ def grid(stretch: Stretch, period_s: float) -> Array:
     return stretch.begin_s + period_s * np.arange(count, dtype=np.float64)
 
 
-def resample(series: Series, stretch: Stretch, t_s: Array, period_s: float) -> Array:
+def resample(signal: LogSignal, stretch: Stretch, t_s: Array, period_s: float) -> Array:
     """The signal (T,) at these instants of a stretch, or its means over the periods after them.
 
     A signal with more than two samples per period is averaged over the period around each instant,
     which removes what the data set's period cannot represent; others are interpolated linearly.
     """
-    first = max(int(np.searchsorted(series.t_s, stretch.begin_s, side="right")) - 1, 0)
-    last = int(np.searchsorted(series.t_s, stretch.end_s, side="left"))
-    own_t_s, values = series.t_s[first : last + 1], series.values[first : last + 1]
-    if series.sampling is not Sampling.SAMPLED:
-        is_held = series.sampling is Sampling.HELD
+    first = max(int(np.searchsorted(signal.t_s, stretch.begin_s, side="right")) - 1, 0)
+    last = int(np.searchsorted(signal.t_s, stretch.end_s, side="left"))
+    own_t_s, values = signal.t_s[first : last + 1], signal.values[first : last + 1]
+    if signal.sampling is not Sampling.SAMPLED:
+        is_held = signal.sampling is Sampling.HELD
         return window_mean(own_t_s, values, t_s, t_s + period_s, is_held)
-    if series.usual_step_s * AVERAGED_FROM > period_s:
+    if signal.usual_step_s * AVERAGED_FROM > period_s:
         return np.interp(t_s, own_t_s, values)
     # Near the ends of a stretch the window is narrower on both sides, so that it stays centred.
     to_end = np.minimum(t_s - own_t_s[0], own_t_s[-1] - t_s)

@@ -8,7 +8,7 @@ from math import isnan
 
 import numpy as np
 
-from offline.logs.readers.log import Log, Request, Series
+from offline.logs.readers.log import Log, LogColumn, Request
 from rt_controller.contract.errors import DatasetError
 from rt_controller.mapping.can_log import LoggedFrame, Sampled, read_frames, read_samples
 from rt_controller.mapping.car_file import load_dbc
@@ -40,11 +40,11 @@ def read_can(ask: Request) -> Log:
             yield each
 
     tracks = read_samples(counted(), reader, str(path), settings.channel)
-    channels = tuple(_series(ask, reader, name, track) for name, track in tracks.items())
+    channels = tuple(_column(ask, reader, name, track) for name, track in tracks.items())
     return Log(path.name, channels, count)
 
 
-def _series(ask: Request, reader: SignalReader, name: str, track: list[Sampled]) -> Series:
+def _column(ask: Request, reader: SignalReader, name: str, track: list[Sampled]) -> LogColumn:
     measured, column = reader.measurements[name], reader.measurements[name].slot.column.column
     place = f"{ask.path}, column {column}"
     problem, remedy = reader.objection(name)
@@ -60,4 +60,4 @@ def _series(ask: Request, reader: SignalReader, name: str, track: list[Sampled])
     rows, t_s, values = map(np.array, zip(*usable, strict=True))
     unusable = measured.explain() if measured.unusable else ""
     unit = measured.signal.unit or ""
-    return Series(column, t_s, values, rows, unit, ask.path, "frame", unusable)
+    return LogColumn(column, t_s, values, rows, unit, ask.path, "frame", unusable)

@@ -12,7 +12,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from offline.logs.readers.csv_log import OPENERS, read_csv
-from offline.logs.readers.log import Log, Names, Request, Series, find_headings
+from offline.logs.readers.log import Log, LogColumn, Names, Request, find_headings
 from rt_controller.contract.errors import DatasetError, RtControllerError, require_packages
 from rt_controller.contract.files import read_arrays
 from rt_controller.mapping.value_names import stands_for_no_value
@@ -168,7 +168,7 @@ def _read_mf4(ask: Request) -> Log:
     return Log(ask.path.name, channels, max(len(channel.t_s) for channel in channels))
 
 
-def _read_channel(ask: Request, mdf: Any, wanted: Names, texts: list[str]) -> Iterator[Series]:
+def _read_channel(ask: Request, mdf: Any, wanted: Names, texts: list[str]) -> Iterator[LogColumn]:
     """The channel with one of the wanted names, which may have the number of its group."""
     plain = [each.partition("@")[0] for each in wanted]
     found = find_headings(ask.path, [plain], texts)
@@ -203,7 +203,9 @@ def _read_channel(ask: Request, mdf: Any, wanted: Names, texts: list[str]) -> It
     t_s, rows = np.asarray(signal.timestamps, dtype=np.float64), np.arange(1, len(values) + 1)
     unit = signal.unit or heading.unit or ""
     numbers = values.astype(np.float64)[is_known]
-    yield Series(column, t_s[is_known], numbers, rows[is_known], unit, ask.path, unusable=unusable)
+    yield LogColumn(
+        column, t_s[is_known], numbers, rows[is_known], unit, ask.path, unusable=unusable
+    )
 
 
 _TABLES = {

@@ -5,7 +5,7 @@ A reader takes a `Request` and returns a `Log`; `offline.logs.readers.formats` h
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, NamedTuple
@@ -19,7 +19,7 @@ from rt_controller.contract.arrays import Array
 from rt_controller.contract.errors import DatasetError
 from rt_controller.contract.names import columns_of
 from rt_controller.mapping.slots import Slot
-from rt_controller.mapping.tables import CanSettings, Clock, MessageMapping, Sampling
+from rt_controller.mapping.tables import CanSettings, Clock, MessageMapping
 from rt_controller.mapping.units import find_unit, unit_of_name
 
 Names = Sequence[str]
@@ -33,15 +33,15 @@ BACKWARDS = (
 
 
 @dataclass(frozen=True, slots=True)
-class Series:
-    """A column of a log with the time of each of its samples; `to_drive` makes signals of it."""
+class LogColumn:
+    """A column of a log with the time of each of its samples."""
 
-    column: str
-    """as the mapping names it"""
+    name: str
+    """as the mapping has it"""
     t_s: Array
-    """(N,); of a signal increasing, time of measurement, delays subtracted"""
+    """(N,)"""
     values: Array
-    """(N,) in `unit`; NaN where the file has no number; of a signal finite and in SI"""
+    """(N,) in `unit`; NaN where the file has no number"""
     row: NDArray[np.int64]
     """(N,) row number of each sample, as the user counts it in the file"""
     unit: str
@@ -53,34 +53,15 @@ class Series:
     """number and reasons of the samples of the file that are no measurements, and left out"""
     file: str | None = None
     """`file` of the mapping, in a drive with one file for each signal"""
-    name: str = ""
-    """of the signal"""
-    sampling: Sampling = Sampling.SAMPLED
-    connected: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(0, dtype=np.bool_))
-    """(N-1,) of a signal: whether it is known between a sample and the next"""
-    jumps: int = 0
-    """how often it changed faster than possible"""
-    gaps: tuple[int, ...] = ()
-    """samples whose next one is too far away to bridge"""
 
     @property
     def place(self) -> str:
         """File and column, for messages."""
-        return f"{self.path}, column {self.column}"
+        return f"{self.path}, column {self.name}"
 
     def place_of(self, sample: int) -> str:
         """File, column and row of a sample, for messages."""
         return f"{self.place}, {self.word} {self.row[sample]}"
-
-    @property
-    def usual_step_s(self) -> float:
-        """Median time between two samples."""
-        return float(np.median(np.diff(self.t_s)))
-
-    @property
-    def missing_s(self) -> float:
-        """Sum of all gaps."""
-        return float(np.diff(self.t_s)[list(self.gaps)].sum())
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,14 +69,14 @@ class Log:
     """The wanted columns of one drive."""
 
     name: str
-    channels: tuple[Series, ...]
+    columns: tuple[LogColumn, ...]
     rows: int
     """in the longest file"""
     begin_s: float | None = 0.0
     """instant that the times count from, on the clock of the file; None: the file has no clock"""
 
     def __post_init__(self) -> None:
-        for each in self.channels:
+        for each in self.columns:
             backwards = np.flatnonzero(np.diff(each.t_s) <= 0.0)
             if len(backwards):
                 k = int(backwards[0]) + 1
@@ -104,10 +85,10 @@ class Log:
                     f"after {each.t_s[k - 1]:.6f} s ({len(backwards)} such places). {BACKWARDS}"
                 )
 
-    def channel(self, *names: str, file: str | None = None) -> Series:
-        """The channel of a wanted column with one of these names."""
-        fits = [each for each in self.channels if each.file == file]
-        return next(each for name in names for each in fits if each.column == name)
+    def column(self, *names: str, file: str | None = None) -> LogColumn:
+        """The wanted column with one of these names."""
+        fits = [each for each in self.columns if each.file == file]
+        return next(each for name in names for each in fits if each.name == name)
 
 
 class Heading(NamedTuple):
@@ -189,13 +170,13 @@ class Request(NamedTuple):
             self._require_rows(frame)
             t_s, begin_s = _seconds(place, frame[time.text], time, clock)
         rows = frame.index.to_numpy(np.int64)
-        channels = []
+        found = []
         for each in columns:
             values = frame[each.text].to_numpy(np.float64)
             unit = units.get(each.text) or each.unit or ""
-            channels.append(Series(each.name, t_s, values, rows, unit, path, word))
+            found.append(LogColumn(each.name, t_s, values, rows, unit, path, word))
         begin_s = None if clock.starts_at_zero else begin_s
-        return Log(path.name, tuple(channels), len(frame), begin_s)
+        return Log(path.name, tuple(found), len(frame), begin_s)
 
     def _require_rows(self, frame: pd.DataFrame) -> None:
         if len(frame) < 2:

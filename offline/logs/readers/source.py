@@ -147,7 +147,7 @@ def read_log(drive: DriveFiles, mapping: LogMapping) -> Log:
         path, wanted = drive.parts[file] if file else drive.path, [s.column.names for s in slots]
         ask = Request(path, wanted, clock, mapping.csv, mapping.can, slots, mapping.messages)
         log = _read_part(ask)
-        parts.append(replace(log, channels=tuple(replace(c, file=file) for c in log.channels)))
+        parts.append(replace(log, columns=tuple(replace(c, file=file) for c in log.columns)))
     return replace(_on_one_clock(parts), name=drive.name)
 
 
@@ -159,17 +159,17 @@ def _read_part(ask: Request) -> Log:
     log = read_file(ask._replace(clock=_EVERY_ROW))
     beside = _file_of_times(ask.path, clock.file)
     of_times = ask._replace(path=beside, wanted=[clock.names or ("1",)], clock=_EVERY_ROW)
-    (stamps,) = read_file(of_times).channels
+    (stamps,) = read_file(of_times).columns
     if len(stamps.values) != log.rows:
         raise DatasetError(
             f"{ask.path}: expected a time for each of its {log.rows} rows, found "
             f"{len(stamps.values)} in {beside}. Export both again, or leave the drive out."
         )
-    first = log.channels[0]
-    frame = pd.DataFrame({each.column: each.values for each in log.channels}, index=first.row)
+    first = log.columns[0]
+    frame = pd.DataFrame({each.name: each.values for each in log.columns}, index=first.row)
     frame[str(beside)] = stamps.values
-    time = Heading(f"{stamps.column} of {beside}", str(beside), stamps.unit)
-    headings = [Heading(each.column, each.column, each.unit) for each in log.channels]
+    time = Heading(f"{stamps.name} of {beside}", str(beside), stamps.unit)
+    headings = [Heading(each.name, each.name, each.unit) for each in log.columns]
     return ask.to_log(frame, [time, *headings], word=first.word)
 
 
@@ -180,12 +180,12 @@ def _file_of_times(path: Path, pattern: str) -> Path:
 def _on_one_clock(parts: Sequence[Log]) -> Log:
     """All parts as one log whose times count from the earliest begin of any."""
     known = [part.begin_s for part in parts if part.begin_s is not None]
-    channels = []
+    columns = []
     for part in parts:
         ahead_s = 0.0 if part.begin_s is None else part.begin_s - min(known)
-        channels += [replace(each, t_s=each.t_s + ahead_s) for each in part.channels]
-    late = max(channels, key=lambda each: each.t_s[0])
-    early = min(channels, key=lambda each: each.t_s[-1])
+        columns += [replace(each, t_s=each.t_s + ahead_s) for each in part.columns]
+    late = max(columns, key=lambda each: each.t_s[0])
+    early = min(columns, key=lambda each: each.t_s[-1])
     if late.t_s[0] >= early.t_s[-1]:
         raise DatasetError(
             f"{late.place}: expected times in common with {early.place}, found that it begins "
@@ -193,7 +193,7 @@ def _on_one_clock(parts: Sequence[Log]) -> Log:
             f"clock in [time], or in `time` of the signal; if all files began together, write "
             f"starts_at_zero = true."
         )
-    return replace(parts[0], channels=tuple(channels), rows=max(part.rows for part in parts))
+    return replace(parts[0], columns=tuple(columns), rows=max(part.rows for part in parts))
 
 
 def source_files(drive: DriveFiles, mapping: LogMapping) -> Iterator[SourceFile]:

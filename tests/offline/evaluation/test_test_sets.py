@@ -175,7 +175,7 @@ def made_set(name="library", count=COUNT, **columns):
     return made_test_set(made._replace(x=x, u=u), name=name)
 
 
-def series_of(*sets):
+def signal_of(*sets):
     return {series.name: series for series in make_series(sets, VEHICLE)}
 
 
@@ -184,7 +184,7 @@ def test_sideslip_is_the_largest_of_either_side_within_the_two_seconds():
     vy = np.zeros((COUNT, 81))
     angles_deg = [-3.0, 3.0, 5.0, -5.0, 7.0, -7.0, 10.0, -10.0, 14.0, -14.0]
     vy[10:, 33] = 20.0 * np.tan(np.radians(angles_deg))
-    slices = series_of(made_set(vy_mps=vy))["sideslip"].slices
+    slices = signal_of(made_set(vy_mps=vy))["sideslip"].slices
     assert [(part.label, int(part.rows.sum())) for part in slices] == [
         ("0 to 2", 10), ("2 to 4", 2), ("4 to 6", 2), ("6 to 9", 2), ("9 to 16", 4),
     ]  # fmt: skip
@@ -195,7 +195,7 @@ def test_braking_is_none_light_hard_and_straight():
     brake_n = np.zeros((COUNT, 80))
     brake_n[5:, 40] = 30.0
     brake_n[12:, 41] = 75.0
-    found = series_of(made_set(brake_n=brake_n), made_set("braking", 7))["braking"].slices
+    found = signal_of(made_set(brake_n=brake_n), made_set("braking", 7))["braking"].slices
     assert [(part.label, part.of, int(part.rows.sum())) for part in found] == [
         ("none", "library", 5),
         ("below 75 N", "library", 7),
@@ -208,7 +208,7 @@ def test_first_speeds_of_the_library_are_followed_by_those_of_the_fast_set():
     first_kmh = np.append(np.linspace(20.0, 140.0, COUNT - 1), 250.0)
     library = made_set(vx_mps=first_kmh[:, None] / 3.6)
     fast = made_set("fast", 4, vx_mps=np.array([[120.0], [140.0], [160.0], [170.0]]) / 3.6)
-    found = series_of(library, fast)["speed"].slices
+    found = signal_of(library, fast)["speed"].slices
     assert [part.label for part in found] == [
         "0 to 50", "50 to 80", "80 to 110", "110 to 145", "145 and more",
         "130 to 150", "150 to 180",
@@ -218,7 +218,7 @@ def test_first_speeds_of_the_library_are_followed_by_those_of_the_fast_set():
 
 def test_whole_sets_are_ordered_by_friction_mass_and_noise():
     names = ("library", "friction-0.5", "friction-1", "nominal", "mass-1.15", "noise-1", "noise-3")
-    found = series_of(*(made_set(name) for name in names))
+    found = signal_of(*(made_set(name) for name in names))
     labels = {name: [part.label for part in series.slices] for name, series in found.items()}
     assert labels["friction"] == ["1", "0.85", "0.5"]
     assert labels["mass"] == ["1", "1.15"]

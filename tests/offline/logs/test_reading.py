@@ -77,7 +77,7 @@ def csv(tmp_path):
     ],
 )
 def test_delimiter_header_decimals_and_encoding_of_csv_are_detected(csv, text):
-    channel = csv(text).channel("v")
+    channel = csv(text).column("v")
     assert channel.t_s.tolist() == [0.0, 0.5]
     assert channel.values.tolist() == [2.5, 3.5]
 
@@ -99,31 +99,31 @@ def test_delimiter_header_decimals_and_encoding_of_csv_are_detected(csv, text):
     ],
 )
 def test_settings_say_how_a_csv_file_is_read(csv, text, column, clock, style):
-    channel = csv(text, column, clock=clock, **style).channel(column)
+    channel = csv(text, column, clock=clock, **style).column(column)
     assert channel.t_s == pytest.approx([0.0, 1.0])
     assert channel.values.tolist() == [1.0, 2.0]
 
 
 def test_rows_are_counted_as_an_editor_counts_lines(csv):
     log = csv("Logger 7\nt,v\ns,km/h\n0,36\n\n1,72\n", header_line=2, units_line=3)
-    assert log.channel("v").row.tolist() == [4, 6]
-    assert log.channel("v").unit == "km/h"
+    assert log.column("v").row.tolist() == [4, 6]
+    assert log.column("v").unit == "km/h"
 
 
 def test_a_unit_behind_a_name_is_not_part_of_it(csv):
     text = '# t(ms),v [km/h],"w, deg/s",gear (front),x_kmh,a_n\n0,36,1,3,1,1\n500,72,2,4,1,1\n'
     log = csv(text, "v", "w", "gear (front)", "x_kmh", "a_n")
-    assert [channel.unit for channel in log.channels] == ["km/h", "deg/s", "", "km/h", ""]
-    assert log.channel("w").t_s.tolist() == [0.0, 0.5]
+    assert [column.unit for column in log.columns] == ["km/h", "deg/s", "", "km/h", ""]
+    assert log.column("w").t_s.tolist() == [0.0, 0.5]
 
 
 @pytest.mark.parametrize("word", ["", "#N/A", "1.#QNAN", "---", "NaN"])
 def test_words_for_no_number_are_missing_numbers(csv, word):
-    assert np.isnan(csv(f"t,v\n0,1\n1,{word}\n").channel("v").values[1])
+    assert np.isnan(csv(f"t,v\n0,1\n1,{word}\n").column("v").values[1])
 
 
 def test_a_column_may_have_other_names(csv):
-    assert csv("t,speed\n0,5\n1,6\n", ("v", "speed")).channel("v", "speed").values[1] == 6.0
+    assert csv("t,speed\n0,5\n1,6\n", ("v", "speed")).column("v", "speed").values[1] == 6.0
 
 
 @pytest.mark.parametrize(
@@ -237,7 +237,7 @@ WRITERS = {
 def test_every_format_gives_the_same_numbers_with_times_and_rows(tmp_path, name):
     WRITERS[name](tmp_path / name)
     log = read(tmp_path / name)
-    channel = log.channel("v")
+    channel = log.column("v")
     assert log.rows == 500
     np.testing.assert_allclose(channel.t_s, 0.01 * np.arange(500), atol=1e-12)
     assert channel.values.tolist() == list(range(500))
@@ -260,10 +260,10 @@ def test_fields_of_matlab_structs_and_columns_of_arrays_have_names(tmp_path):
     run = {"vx": np.arange(4.0), "imu": {"r": {"Data": np.ones(4)}}}
     savemat(tmp_path / "a.mat", {"t": np.arange(4) * 0.02, "run": run})
     log = read(tmp_path / "a.mat", "run.vx", "run.imu.r.Data")
-    assert [each.values[2] for each in log.channels] == [2.0, 1.0]
+    assert [each.values[2] for each in log.columns] == [2.0, 1.0]
     with (tmp_path / "speed").open("wb") as file:
         np.save(file, np.stack([0.1 * np.arange(4), np.arange(4.0)], axis=1))
-    assert read(tmp_path / "speed", "2", clock=Clock(column="1")).channels[0].values[3] == 3.0
+    assert read(tmp_path / "speed", "2", clock=Clock(column="1")).columns[0].values[3] == 3.0
 
 
 @pytest.mark.parametrize("unit", ["iso8601", "ns"])
@@ -271,7 +271,7 @@ def test_stamps_since_1970_keep_their_nanoseconds(tmp_path, unit):
     stamps = pa.array([1_692_117_187_463_808_000 + k * 25_000_123 for k in range(3)])
     stamps = stamps.cast(pa.timestamp("ns")) if unit == "iso8601" else stamps
     write_parquet(tmp_path / "a.parquet", stamps, [1.0, None, 3.0])
-    channel = read(tmp_path / "a.parquet", clock=Clock(column="t", unit=unit)).channel("v")
+    channel = read(tmp_path / "a.parquet", clock=Clock(column="t", unit=unit)).column("v")
     assert channel.t_s == pytest.approx([0.0, 0.025000123, 0.050000246], abs=1e-12)
     np.testing.assert_equal(channel.values, [1.0, np.nan, 3.0])
 
@@ -311,7 +311,7 @@ def test_mdf_channels_have_the_time_of_their_group(tmp_path):
     path = tmp_path / "a.mf4"
     write_mf4(path)
     log = read(path, "v", "Steer", "Same@1")
-    assert [channel.t_s[1] for channel in log.channels] == pytest.approx([0.01, 0.02, 0.02])
+    assert [column.t_s[1] for column in log.columns] == pytest.approx([0.01, 0.02, 0.02])
     with pytest.raises(DatasetError, match="Same@0, Same@1"):
         read(path, "Same")
     with pytest.raises(DatasetError, match="Did you mean Steer"):
@@ -348,7 +348,7 @@ def test_labels_of_mdf_are_numbers_or_gaps(tmp_path, conversion, scale, missing)
         with MDF(version=version) as mdf:
             mdf.append([Signal(RAWS, t_s, name="v", unit="km/h", conversion=conversion)])
             mdf.save(path)
-        (channel,) = read(path, "v").channels
+        (channel,) = read(path, "v").columns
         assert channel.values == pytest.approx(scale * RAWS[kept])
         assert channel.t_s == pytest.approx(t_s[kept])
         assert channel.row.tolist() == (kept + 1).tolist()
@@ -369,7 +369,7 @@ def test_an_mdf_channel_without_any_measurement_is_refused(tmp_path):
 def test_can_signals_have_the_time_stamps_of_their_frames(tmp_path, settings, suffix):
     write_can(tmp_path / f"a{suffix}")
     log = read(tmp_path / f"a{suffix}", "Speed", "WHEEL.Angle", can=settings)
-    speed, angle = log.channels
+    speed, angle = log.columns
     np.testing.assert_allclose(speed.values, 50.0 + 0.01 * np.arange(60))
     np.testing.assert_allclose(np.diff(speed.t_s), 0.01, atol=2e-4)
     np.testing.assert_allclose(angle.values, -0.1 * np.arange(0, 60, 2))
@@ -455,7 +455,7 @@ def test_import_and_signals_check_use_the_same_samples(tmp_path, suffix, seed):
         request = request._replace(messages=mapping.messages)
         if found.problem and "gap" not in found.problem:
             with suppress(DatasetError):  # too many of the samples are none
-                assert len(read_file(request).channels[0].values) == found.samples - found.unusable
+                assert len(read_file(request).columns[0].values) == found.samples - found.unusable
         else:
-            (series,) = read_file(request).channels
+            (series,) = read_file(request).columns
             assert len(series.values) == found.samples - found.unusable

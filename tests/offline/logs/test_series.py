@@ -5,11 +5,19 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from made_logs import MAPPING, series_of
+from made_logs import MAPPING, signal_of
 from made_logs import log_of as made_log
 
-from offline.logs.readers.log import Log, Series
-from offline.logs.series import LoggedDrive, Stretch, find_stretches, grid, resample, to_drive
+from offline.logs.readers.log import Log, LogColumn
+from offline.logs.series import (
+    LoggedDrive,
+    LogSignal,
+    Stretch,
+    find_stretches,
+    grid,
+    resample,
+    to_drive,
+)
 from rt_controller.contract.errors import DatasetError
 from rt_controller.mapping.tables import Sampling
 
@@ -25,16 +33,16 @@ def log_of(values, unit=None, dt_s=0.1):
     values = np.asarray(values, dtype=float)
     t_s = dt_s * np.arange(len(values))
     rows, of = np.arange(2, len(values) + 2), (Path("a.csv"), "line")
-    channels = (
-        Series("v", t_s, values, rows, unit, *of),
-        Series("d", t_s, np.linspace(0, 0.1, len(values)), rows, None, *of),
+    columns = (
+        LogColumn("v", t_s, values, rows, unit, *of),
+        LogColumn("d", t_s, np.linspace(0, 0.1, len(values)), rows, None, *of),
     )
-    return Log("a.csv", channels, len(values))
+    return Log("a.csv", columns, len(values))
 
 
 def series(parse, values, state="", unit="m/s", extra=""):
     mapping = parse(ONE_OF_EACH.format(state=state) + extra)
-    return series_of(to_drive(log_of(values, unit), mapping), "vx_mps")
+    return signal_of(to_drive(log_of(values, unit), mapping), "vx_mps")
 
 
 def test_factor_offset_unit_and_sign_apply_in_this_order_and_the_delay_is_subtracted(parse):
@@ -96,7 +104,7 @@ def test_the_drive_is_cut_where_a_signal_jumps_or_leaves_its_keep_interval(
 def test_noise_of_fast_samples_is_not_a_jump(parse):
     mapping = parse(ONE_OF_EACH.format(state=', unit = "m/s"'))
     noisy = 10.0 + 0.3 * np.random.default_rng(0).choice([-1.0, 1.0], 1000)
-    found = series_of(to_drive(log_of(noisy, dt_s=0.001), mapping), "vx_mps")
+    found = signal_of(to_drive(log_of(noisy, dt_s=0.001), mapping), "vx_mps")
     assert found.jumps == 0
 
 
@@ -110,11 +118,11 @@ def test_the_first_seconds_can_be_skipped(parse):
 def test_two_lost_samples_are_bridged_and_three_are_a_gap(parse, setting, is_connected):
     mapping = parse(ONE_OF_EACH.format(state=', unit = "m/s"') + f"[time]\n{setting}\n")
     log = log_of(np.arange(12.0))
-    whole = log.channels[0]
+    whole = log.columns[0]
     lost = [np.delete(each, [2, 3, 6, 7, 8]) for each in (whole.t_s, whole.values, whole.row)]
     shorter = replace(whole, t_s=lost[0], values=lost[1], row=lost[2])
-    drive = to_drive(replace(log, channels=(shorter, log.channels[1])), mapping)
-    found = series_of(drive, "vx_mps")
+    drive = to_drive(replace(log, columns=(shorter, log.columns[1])), mapping)
+    found = signal_of(drive, "vx_mps")
     assert found.connected.tolist() == [True, True, True, is_connected, True, True]
 
 
@@ -125,7 +133,7 @@ def test_yaw_is_continuous_over_full_turns(parse):
     names = [column.column for column in mapping.every_column]
     columns = dict.fromkeys(names, 0.01 * t_s) | {"yaw": (40 * t_s + 180) % 360 - 180}
     drive = to_drive(made_log(t_s, columns), mapping)
-    assert series_of(drive, "yaw").values == pytest.approx(np.radians(40 * t_s))
+    assert signal_of(drive, "yaw").values == pytest.approx(np.radians(40 * t_s))
 
 
 PERIOD_S = 0.025
@@ -134,8 +142,9 @@ PERIOD_S = 0.025
 def sampled(t_s, values, sampling=Sampling.SAMPLED, longest_s=0.1):
     t_s, values = np.asarray(t_s, dtype=float), np.asarray(values, dtype=float)
     connected = np.diff(t_s) <= longest_s
-    rows, names = np.arange(len(t_s)), {"path": Path("a.csv"), "name": "v"}
-    return Series("v", t_s, values, rows, "m/s", **names, sampling=sampling, connected=connected)
+    rows = np.arange(len(t_s))
+    column = LogColumn("v", t_s, values, rows, "m/s", Path("a.csv"))
+    return LogSignal("v", "m/s", t_s, values, rows, column, sampling, connected)
 
 
 def whole(one):

@@ -9,7 +9,7 @@ import pandas as pd
 
 from offline.commands.import_logs import app as import_app
 from offline.logs.episode import LogEpisode
-from offline.logs.readers.log import Log, Series
+from offline.logs.readers.log import Log, LogColumn
 
 WHEELBASE_M = 2.7
 MASS_KG = 1500.0
@@ -100,13 +100,13 @@ def episode_of(made: Made, file="a.csv") -> LogEpisode:
 def log_of(t_s, columns, file="a.csv", unit=None) -> Log:
     """A log of these columns, its rows counted from 1."""
     rows = np.arange(1, len(t_s) + 1)
-    channels = tuple(Series(name, t_s, v, rows, unit, Path(file)) for name, v in columns.items())
-    return Log(file, channels, len(rows))
+    made = tuple(LogColumn(name, t_s, v, rows, unit, Path(file)) for name, v in columns.items())
+    return Log(file, made, len(rows))
 
 
-def series_of(drive, name):
-    """The series of that name."""
-    return next(series for series in drive.all_series if series.name == name)
+def signal_of(drive, name):
+    """The signal of that name."""
+    return next(signal for signal in drive.all_signals if signal.name == name)
 
 
 def make_place(folder):
