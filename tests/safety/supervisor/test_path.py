@@ -64,6 +64,8 @@ def test_without_a_state_a_curvature_ahead_is_rejected_if_it_jumps_and_not_estim
     if is_state_lost:
         car.disturb = nothing
     assert (car.tick().preview is None) is not is_state_lost
+    car.is_stopping = True
+    assert (car.tick().preview is None) is not is_state_lost
 
 
 @pytest.mark.parametrize("ticks", [1, 3])

@@ -3,7 +3,14 @@
 from dataclasses import replace
 
 import pytest
-from kinematic_car import BRAKE_TO_SPEED, STEER_TO_YAW, WatchedCar, driven, undisturbed
+from kinematic_car import (
+    BRAKE_TO_SPEED,
+    STEER_TO_YAW,
+    STRAIGHT,
+    WatchedCar,
+    driven,
+    undisturbed,
+)
 
 from rt_controller.contract.kinematics import heading_change_rad, lateral_change_m
 from rt_controller.contract.signals import ControlInput
@@ -56,11 +63,19 @@ def test_a_state_is_moved_to_its_regular_time(late_s, control):
 
 def test_the_yaw_rate_is_moved_along_its_predicted_change():
     car = moving()
+    car.control = ControlInput(0.0, 0.0, 0.04)
+    car.tick(3)
     car.control = ControlInput(0.0, 0.0, 0.1)
     share = 0.004 / PERIOD_S
     difference = accepted(car, sampled(0.004, 0.004))
     # The car of this test turns at once with its wheel: the state has no later yaw rate.
-    assert difference[2] == pytest.approx(-share * STEER_TO_YAW * 0.1, rel=1e-6)
+    assert difference[2] == pytest.approx(-share * STEER_TO_YAW * 0.06, rel=1e-6)
+
+
+def test_without_a_model_the_velocities_stay_as_they_are():
+    car = moving(has_model=False, control=BRAKED)
+    change_mps = 0.004 / PERIOD_S * BRAKE_TO_SPEED * BRAKED.brake_n
+    assert accepted(car, sampled(0.004, 0.004))[0] == pytest.approx(change_mps)
 
 
 @pytest.mark.parametrize("late_s", [0.004, -0.004])
@@ -69,24 +84,36 @@ def test_a_stamp_that_contradicts_the_progress_does_not_count(late_s):
     assert accepted(car, sampled(late_s, late_s, is_late=False)) == pytest.approx([0.0] * 6)
 
 
+@pytest.mark.parametrize("sign", [1, -1])
 @pytest.mark.parametrize("jitter_s", [0.004, 0.002])
-def test_after_a_lost_state_the_interval_is_that_of_the_progress_within_the_jitter(jitter_s):
-    """4 ms late, after a state of which only the size of the jitter is known."""
+def test_after_a_lost_state_the_interval_is_that_of_the_progress_within_the_jitter(jitter_s, sign):
+    """4 ms late or early, after a state of which only the size of the jitter is known."""
     car = moving()
     accepted(car, sampled(jitter_s, jitter_s))
-    late = sampled(0.004, None)
+    late = sampled(sign * 0.004, None)
 
     def after_a_lost_one(received):
         found = late(received)
-        return replace(found, state=found.state._replace(ds_m=received.state.ds_m + 20.0 * 0.003))
+        return replace(
+            found, state=found.state._replace(ds_m=received.state.ds_m + sign * 20.0 * 0.003)
+        )
 
     difference = accepted(car, after_a_lost_one)
     assert difference[3] == pytest.approx(0.0, abs=1e-3)
     moved = jitter_s / 0.004  # no state is moved by more than the jitter so far
-    late_m = (1.0 - moved) * 0.004 / PERIOD_S * lateral_change_m(car.state, car.state)
+    late_m = (1.0 - moved) * sign * 0.004 / PERIOD_S * lateral_change_m(car.state, car.state)
     assert difference[4] == pytest.approx(late_m, abs=3e-5)
 
 
 def test_before_any_jitter_a_state_after_a_lost_one_stays_as_it_is():
     car = moving()
     assert accepted(car, sampled(0.004, None, is_late=False)) == pytest.approx([0.0] * 6)
+
+
+@pytest.mark.parametrize("late_s", [0.004, -0.004])
+def test_a_path_is_moved_with_its_state(late_s):
+    """The received path begins at the car of the sample, which is 80 mm before or behind."""
+    car = driven(20, (), path=STRAIGHT._replace(c1=0.05), epsi_rad=0.05)
+    on_time = car.tick().path
+    car.disturb = sampled(late_s, late_s)
+    assert car.tick().path.c0_m - on_time.c0_m == pytest.approx(-0.05 * 20.0 * late_s, rel=0.02)

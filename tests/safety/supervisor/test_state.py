@@ -19,6 +19,7 @@ from kinematic_car import (
 from rt_controller.contract.faults import StopCause
 from rt_controller.contract.quantities import Quantity
 from rt_controller.safety.checks import CHECKS
+from rt_controller.safety.stop import ALONG_PATH, LOST
 
 
 def test_a_car_whose_states_fit_together_is_accepted():
@@ -235,6 +236,16 @@ def test_the_course_of_a_car_in_a_bend_counts_and_not_its_heading(epsi_rad, vy_m
     """The course is heading plus side slip, here 0.05 rad; 0.15 rad from the path are accepted."""
     car = WatchedCar(vx_mps=10.0, epsi_rad=epsi_rad, disturb=replaced(vy_mps=vy_mps))
     assert (car.tick().rejection is StopCause.NOT_ENGAGED) is is_refused
+
+
+@pytest.mark.parametrize(
+    ("signals", "braking"),
+    [({}, ALONG_PATH), ({"state": None}, LOST), ({"path": None}, LOST)],
+)
+def test_a_stop_brakes_hard_if_state_or_path_is_lost(signals, braking):
+    car = driven(5)
+    car.disturb = lambda received: replace(received, **signals)
+    assert car.supervisor.braking(car.tick(), 0.0, False, 1.0) == braking
 
 
 @pytest.mark.parametrize("side", [-1.0, 1.0])
