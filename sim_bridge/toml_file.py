@@ -8,6 +8,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
 from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.names import hint
+from rt_controller.mapping.toml_file import read_own
 
 Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 
@@ -58,20 +59,3 @@ def read_shipped_or_own(name_or_path: str | Path, folder: str, kind: str) -> str
             f".toml file{hint(name, shipped)}."
         )
     return read_own(name, kind)
-
-
-def read_own(path: str | Path, kind: str) -> str:
-    """The text of a person's file; `kind` is for messages.
-
-    Raises:
-        ConfigError: it cannot be read.
-    """
-    from rt_controller.contract.files import read_text  # numpy, which --help does without
-
-    try:
-        return read_text(Path(path))
-    except (OSError, UnicodeDecodeError) as error:
-        raise ConfigError(
-            f"{path}: expected a {kind} file in UTF-8 that can be read, found an error: {error}. "
-            f"Correct the file, or name another one."
-        ) from error

@@ -12,9 +12,8 @@ from pydantic import AfterValidator, BaseModel, Field, TypeAdapter, ValidationEr
 
 from offline.config import PRESETS, TrainingConfig
 from rt_controller.contract.errors import ConfigError
-from rt_controller.contract.files import read_text
 from rt_controller.contract.settings_errors import dotted, explain, option
-from rt_controller.mapping.toml_file import parse
+from rt_controller.mapping.toml_file import parse, read_own
 
 SHIPPED_FILE = Path(__file__).with_name("variants.toml")
 BUDGET = ("steps", "batch", "evaluate_every")
@@ -79,10 +78,7 @@ def read_variants(
         ConfigError: the file, the list, a field or a name is not as expected, or an option would
             change a field that defines a variant.
     """
-    try:
-        lists = parse(read_text(file), _LISTS, str(file))
-    except (OSError, UnicodeDecodeError) as error:
-        raise ConfigError(f"--lists {file}: expected a readable file, found: {error}.") from error
+    lists = parse(read_own(file, "--lists"), _LISTS, str(file))
     if name in PRESETS and name not in lists:
         alone = Variant(name=name, why="the preset alone")
         lists[name] = _List(why="the preset, once for each seed", base=name, variant=[alone])

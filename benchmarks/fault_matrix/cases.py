@@ -8,9 +8,8 @@ from typing import Annotated, Any
 
 from pydantic import Field, TypeAdapter
 
-from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.files import read_text
-from rt_controller.mapping.toml_file import parse
+from rt_controller.mapping.toml_file import parse, read_own
 from sim_bridge.faults.names import name_in
 from sim_bridge.scenario import Scenario, parse_scenario
 from sim_bridge.scenario.limits import KMH_PER_MPS
@@ -130,12 +129,6 @@ def load_cases(file: Path = CASES_FILE) -> list[Case]:
     Raises:
         ConfigError: the file cannot be read, or its content is not one of cases.
     """
-    try:
-        text = read_text(file)
-    except (OSError, UnicodeDecodeError) as error:
-        raise ConfigError(
-            f"--cases {file}: expected a TOML file with a table for each fault, found {error}. "
-            f"docs/faults.md has an example."
-        ) from error
+    text = read_own(file, "--cases", "docs/faults.md has an example.")
     found = parse(text, _CASES, f"--cases {file}")
     return [case.model_copy(update={"name": name}) for name, case in found.items()]

@@ -21,8 +21,6 @@ from pydantic import (
 from offline.data.manifest import HELD_BACK
 from offline.data.recording import PATH_STATES
 from offline.data.signals import Roles
-from rt_controller.contract.errors import ConfigError
-from rt_controller.contract.files import read_text
 from rt_controller.contract.signals import VEHICLE
 from rt_controller.contract.timing import PERIOD_S
 from rt_controller.mapping.quantity import Quantity, quantity_of_name
@@ -33,7 +31,7 @@ from rt_controller.mapping.tables import (
     ColumnMapping,
     SignalMapping,
 )
-from rt_controller.mapping.toml_file import parse
+from rt_controller.mapping.toml_file import parse, read_own
 from rt_controller.settings_table import Settings
 
 
@@ -204,11 +202,5 @@ def read_mapping(path: Path) -> tuple[LogMapping, str]:
         ConfigError: the file cannot be read, or fields are missing, unknown or wrong; all such
             fields are named at once.
     """
-    try:
-        text = read_text(path)
-    except (OSError, UnicodeDecodeError) as error:
-        raise ConfigError(
-            f"{path}: expected a mapping file in TOML, found nothing readable ({error}). "
-            f"docs/own-data.md has one to start from."
-        ) from error
+    text = read_own(path, "mapping", "docs/own-data.md has one to start from.")
     return parse(text, TypeAdapter(LogMapping), str(path), context=path.parent), text

@@ -15,12 +15,12 @@ from cantools.database.can import Database, Message, Signal
 from pydantic import TypeAdapter
 
 from rt_controller.contract.errors import ConfigError
-from rt_controller.contract.files import LARGEST_TEXT_BYTES, open_regular, read_text
+from rt_controller.contract.files import LARGEST_TEXT_BYTES, open_regular
 from rt_controller.contract.names import columns_of
 from rt_controller.mapping.dbc_text import Defect, read_messages, without_repeated
 from rt_controller.mapping.reference_line import ReferenceLine, read_line
 from rt_controller.mapping.tables import DrivingMapping
-from rt_controller.mapping.toml_file import parse
+from rt_controller.mapping.toml_file import parse, read_own
 
 _KINDS = ("dbc", "kcd", "sym", "arxml")
 
@@ -161,13 +161,7 @@ def read_car(path: Path) -> CarFile:
             are named at once.
         DatasetError: the reference line is damaged.
     """
-    try:
-        text = read_text(path)
-    except (OSError, UnicodeDecodeError) as error:
-        raise ConfigError(
-            f"{path}: expected a mapping file in TOML, found nothing readable "
-            f"({error}). docs/own-car.md has one to start from."
-        ) from error
+    text = read_own(path, "mapping", "docs/own-car.md has one to start from.")
     mapping = parse(text, TypeAdapter(DrivingMapping), str(path), context=path.parent)
     database = load_dbc(mapping.can.dbc)
     known = {message.name for message in database.messages}

@@ -6,6 +6,7 @@ All errors of a file are reported at once, each with the name of its field.
 import re
 import tomllib
 from collections.abc import Mapping
+from pathlib import Path
 from types import MappingProxyType
 from typing import Any, TypeVar
 
@@ -15,6 +16,30 @@ from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.settings_errors import dotted, explain
 
 T = TypeVar("T")
+
+
+def read_own(
+    path: str | Path, kind: str, remedy: str = "Correct the file, or name another."
+) -> str:
+    """The text of a person's file.
+
+    Args:
+        path: of the file.
+        kind: what it should be, for the message.
+        remedy: what to do, likewise.
+
+    Raises:
+        ConfigError: it cannot be read.
+    """
+    from rt_controller.contract.files import read_text  # numpy, which --help does without
+
+    try:
+        return read_text(Path(path))
+    except (OSError, UnicodeDecodeError) as error:
+        raise ConfigError(
+            f"{path}: expected a {kind} file in UTF-8 that can be read, found an error: {error}. "
+            f"{remedy}"
+        ) from error
 
 
 def parse(

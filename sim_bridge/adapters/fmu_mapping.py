@@ -13,9 +13,8 @@ from typing import Annotated, Any, Literal, NamedTuple
 from pydantic import BeforeValidator, Field, GetPydanticSchema, TypeAdapter, create_model
 
 from rt_controller.contract.errors import ConfigError
-from rt_controller.contract.files import read_text
 from rt_controller.contract.signals import ControlInput
-from rt_controller.mapping.toml_file import parse
+from rt_controller.mapping.toml_file import parse, read_own
 from rt_controller.mapping.units import (
     Unit,
     find_unit,
@@ -88,13 +87,8 @@ def load_mapping(path: Path) -> FmuMapping:
     Raises:
         ConfigError: there is no file, or fields are missing, unknown or out of their limits.
     """
-    try:
-        text = read_text(path)
-    except (OSError, UnicodeDecodeError) as error:
-        raise ConfigError(
-            f"{path}: expected the mapping from the FMU's variables to the contract, found an "
-            f"error: {error}. Write one (docs/plants.md shows how) or name it in `plant_mapping`."
-        ) from error
+    remedy = "Write one (docs/plants.md shows how) or name it in `plant_mapping`."
+    text = read_own(path, "mapping of the FMU's variables", remedy)
     return parse(text, TypeAdapter(FmuMapping), str(path))
 
 

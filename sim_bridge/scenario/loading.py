@@ -12,13 +12,13 @@ from pydantic import TypeAdapter
 
 from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.names import split_roads
-from rt_controller.mapping.toml_file import checked, listed, parse
+from rt_controller.mapping.toml_file import checked, listed, parse, read_own
 from sim_bridge.faults.fault import FaultFile, late_faults
 from sim_bridge.scenario.checks import problems
 from sim_bridge.scenario.map_drive import content_of_map
 from sim_bridge.scenario.nominal_drive import fix_path
 from sim_bridge.scenario.scenario import Scenario
-from sim_bridge.toml_file import read_own, read_shipped_or_own, shipped_names
+from sim_bridge.toml_file import read_shipped_or_own, shipped_names
 
 SCENARIOS_FOLDER = "scenarios"
 _SCENARIO, _FAULTS = TypeAdapter(Scenario), TypeAdapter(FaultFile)
