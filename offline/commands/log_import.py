@@ -24,7 +24,7 @@ from offline.logs.inspection import inspect_drives, report_tables, require_episo
 from offline.logs.mapping import read_mapping
 from offline.logs.readers.source import find_logs, read_log, source_file, source_files
 from offline.logs.repeated import find_repeated
-from offline.logs.series import to_drive
+from offline.logs.signal import to_drive
 from rt_controller.contract.errors import ConfigError, DatasetError
 from rt_controller.contract.signals import VEHICLE, Schema
 from rt_controller.mapping.reference_line import read_line

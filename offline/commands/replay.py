@@ -56,7 +56,7 @@ def replay(
     from offline.logs.mapping import read_mapping
     from offline.logs.readers.source import find_logs, read_log
     from offline.logs.recorded_drive import recorded_drives, require_signals
-    from offline.logs.series import to_drive
+    from offline.logs.signal import to_drive
     from rt_controller.report.table import print_table
     from sim_bridge.plant.parameters import load_parameters, with_road_friction
 

@@ -15,7 +15,7 @@ from offline.config import PAST_STEPS, STEPS
 from offline.data.manifest import PARTS, Roads
 from offline.data.recording import Anchor, Recording, Starts
 from offline.logs.mapping import LogMapping, SplitSettings
-from offline.logs.series import LoggedDrive, Stretch, find_stretches, grid, resample, runs
+from offline.logs.signal import LoggedDrive, Stretch, find_stretches, grid, resample, runs
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.errors import ConfigError, DatasetError
 from rt_controller.contract.signals import VEHICLE, Schema, Signal

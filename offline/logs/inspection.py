@@ -15,7 +15,7 @@ from offline.data.recording import Starts
 from offline.logs.episode import LEAST_SAMPLES, CutDrive
 from offline.logs.mapping import LogMapping
 from offline.logs.relations import Figures, Issue, compare_signals
-from offline.logs.series import LoggedDrive
+from offline.logs.signal import LoggedDrive
 from rt_controller.contract.errors import DatasetError
 from rt_controller.contract.signals import Schema
 from rt_controller.mapping.relations import HELP

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from offline.logs.mapping import LogMapping
-from offline.logs.series import LoggedDrive, Stretch, find_stretches, grid, resample, runs
+from offline.logs.signal import LoggedDrive, Stretch, find_stretches, grid, resample, runs
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.errors import ConfigError, DatasetError
 from sim_bridge.plant.protocol import FASTEST_START_MPS

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from offline.logs.episode import LEAST_SAMPLES
-from offline.logs.series import LoggedDrive, LogSignal
+from offline.logs.signal import LoggedDrive, LogSignal
 from rt_controller.contract.arrays import Array
 
 _CHANGES = 24

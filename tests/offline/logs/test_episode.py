@@ -20,7 +20,7 @@ from offline.logs.episode import (
     slice_windows,
 )
 from offline.logs.mapping import SplitSettings
-from offline.logs.series import to_drive
+from offline.logs.signal import to_drive
 from rt_controller.contract.errors import ConfigError, DatasetError
 from rt_controller.contract.signals import VEHICLE
 from rt_controller.mapping.reference_line import make_line

@@ -9,7 +9,7 @@ from made_logs import MAPPING, signal_of
 from made_logs import log_of as made_log
 
 from offline.logs.readers.log import Log, LogColumn
-from offline.logs.series import (
+from offline.logs.signal import (
     LoggedDrive,
     LogSignal,
     Stretch,
