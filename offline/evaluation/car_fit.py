@@ -12,7 +12,6 @@ So the covariance is that of whole windows (White, Econometrica 48, 1980, for cl
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from functools import partial
 from math import ceil, log, nan
 from typing import NamedTuple
 
@@ -46,7 +45,7 @@ _STEP = 5e-3
 _PRIOR = 1.0
 """standard deviation of a coordinate beyond which only the drives pull it"""
 LARGEST_HALF_WIDTH = log(2.0)
-"""of a coordinate's interval; a wider one is not told by the drives"""
+"""of a coordinate's interval; a wider one around the base car's value is not told by the drives"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,6 +100,12 @@ class Estimate:
     def is_told(self) -> bool:
         return bool(np.isfinite(self.half_width))
 
+    def interval(self, base: Parameters) -> tuple[float, float, float]:
+        """Value, and low and high end of its 95 % interval; NaN if it is not told."""
+        ends = (0.0, -self.half_width, self.half_width)
+        value, low, high = (self.parameter.value(base, self.coordinate + each) for each in ends)
+        return value, low, high
+
 
 @dataclass(frozen=True, slots=True)
 class CarFit:
@@ -115,8 +120,7 @@ class CarFit:
     windows: int
 
 
-@dataclass(frozen=True, slots=True)
-class Judgement:
+class Judgement(NamedTuple):
     """Errors of a car on drives, over windows of `JUDGE_S` from measured starts."""
 
     yaw_rate_error_percent: float
@@ -257,13 +261,20 @@ def fit_car(
     with ThreadPoolExecutor() as pool:
         problem = _Problem(base, tuple(parameters), windows, pool, on_progress)
         # Most of the way with few windows, which is faster.
-        few = _Problem(base, tuple(parameters), windows[:: -(-len(windows) // FEW)], pool, on_progress)
+        few = _Problem(
+            base, tuple(parameters), windows[:: -(-len(windows) // FEW)], pool, on_progress
+        )
         coarse = few.solve(np.zeros(len(parameters)), is_told, _FIRST_SCALES)
         coarse = few.solve(coarse.at, is_told, coarse.scales)
         solution = problem.solve(coarse.at, is_told, coarse.scales, 3)
         interval = _Interval(solution, len(windows))
-        while len(interval.half_widths) and interval.half_widths.max() > LARGEST_HALF_WIDTH:
-            widest = int(np.argmax(interval.half_widths))
+        # A wide interval without the base car's value in it says that this value is wrong.
+        while True:
+            widths, offsets = interval.half_widths, np.abs(solution.at[is_told])
+            is_open = (widths > LARGEST_HALF_WIDTH) & (offsets < widths)
+            if not is_open.any():
+                break
+            widest = int(np.argmax(np.where(is_open, widths, 0.0)))
             is_told[np.flatnonzero(is_told)[widest]] = False
             interval = interval.without(widest)
         if is_told.any():
@@ -292,7 +303,8 @@ def half_width_of(fit: CarFit, base: Parameters, of: Callable[[Parameters], Arra
     center = of(fit.car)
     slopes = np.array([of(car_with(base, parameters, at + step)) - center for step in steps])
     slopes /= _STEP
-    return fit.quantile * np.sqrt(np.einsum("ik,ij,jk->k", slopes, fit.covariance, slopes))
+    variances: Array = np.einsum("ik,ij,jk->k", slopes, fit.covariance, slopes)
+    return fit.quantile * np.sqrt(variances)
 
 
 class _Solution(NamedTuple):

@@ -5,7 +5,7 @@ as the logarithm of their factor, so that no step makes them negative; values th
 fitted as they are, in units of `scale`.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from math import exp, log
 
@@ -167,7 +167,7 @@ def fitted_of(base: Parameters) -> tuple[Fitted, ...]:
 
 
 def car_with(
-    base: Parameters, parameters: Sequence[Fitted], coordinates: Sequence[float]
+    base: Parameters, parameters: Sequence[Fitted], coordinates: Iterable[float]
 ) -> Parameters:
     """The base car with these values."""
     car = base
