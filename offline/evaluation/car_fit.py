@@ -36,7 +36,9 @@ SIGNALS = ("vx_mps", "yaw_rate_radps")
 """states that are compared, in the order of the columns here"""
 FIT_S, JUDGE_S, LEAD_S = 5.0, 10.0, 1.0
 """length of a window of the fit, of the judgement, and of the drive before a window"""
-LEAST_WINDOWS, FEW = 6, 15
+LEAST_WINDOWS = 6
+_FEW = 15
+"""windows with which the fit begins"""
 _LEAST_SPEED_MPS = 3.0
 _HISTORY_S, _SMOOTHING_S, _LARGEST_STEP_S = 4.0, 0.5, 0.002
 _FIRST_SCALES = np.array([0.3, 0.01])
@@ -45,7 +47,7 @@ _STEP = 5e-3
 _PRIOR = 1.0
 """standard deviation of a coordinate beyond which only the drives pull it"""
 LARGEST_HALF_WIDTH = log(2.0)
-"""of a coordinate's interval; a wider one around the base car's value is not told by the drives"""
+"""of a coordinate's interval; if a wider one contains the base car's value, it is not told"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -262,27 +264,26 @@ def fit_car(
         problem = _Problem(base, tuple(parameters), windows, pool, on_progress)
         # Most of the way with few windows, which is faster.
         few = _Problem(
-            base, tuple(parameters), windows[:: -(-len(windows) // FEW)], pool, on_progress
+            base, tuple(parameters), windows[:: -(-len(windows) // _FEW)], pool, on_progress
         )
         coarse = few.solve(np.zeros(len(parameters)), is_told, _FIRST_SCALES)
         coarse = few.solve(coarse.at, is_told, coarse.scales)
         solution = problem.solve(coarse.at, is_told, coarse.scales, 3)
-        interval = _Interval(solution, len(windows))
         # A wide interval without the base car's value in it says that this value is wrong.
         while True:
-            widths, offsets = interval.half_widths, np.abs(solution.at[is_told])
+            intervals = _intervals(solution, len(windows), is_told)
+            widths, offsets = intervals.half_widths, np.abs(solution.at[is_told])
             is_open = (widths > LARGEST_HALF_WIDTH) & (offsets < widths)
             if not is_open.any():
                 break
-            widest = int(np.argmax(np.where(is_open, widths, 0.0)))
-            is_told[np.flatnonzero(is_told)[widest]] = False
-            interval = interval.without(widest)
-        if is_told.any():
-            start = np.where(is_told, solution.at, 0.0)
-            solution = problem.solve(start, is_told, solution.scales, 4)
-            interval = _Interval(solution, len(windows))
+            is_told[np.flatnonzero(is_told)[np.argmax(np.where(is_open, widths, 0.0))]] = False
+        if not is_told.all():
+            solution = solution._replace(at=np.where(is_told, solution.at, 0.0))
+        if is_told.any() and not is_told.all():
+            solution = problem.solve(solution.at, is_told, solution.scales, 4)
+            intervals = _intervals(solution, len(windows), np.ones(is_told.sum(), dtype=bool))
     half_widths = np.full(len(parameters), nan)
-    half_widths[is_told] = interval.half_widths
+    half_widths[is_told] = intervals.half_widths
     car = car_with(base, parameters, solution.at)
     bounds = [each.bounds(base) for each in parameters]
     estimates = tuple(
@@ -291,7 +292,7 @@ def fit_car(
             parameters, solution.at, half_widths, bounds, strict=True
         )
     )
-    return CarFit(car, estimates, interval.covariance, interval.quantile, len(windows))
+    return CarFit(car, estimates, intervals.covariance, intervals.quantile, len(windows))
 
 
 def half_width_of(fit: CarFit, base: Parameters, of: Callable[[Parameters], Array]) -> Array:
@@ -318,34 +319,30 @@ class _Solution(NamedTuple):
     """(r,) each error over its RMS"""
 
 
-class _Interval:
-    """Covariance (m, m) of the fitted coordinates, half widths (m,) of their 95 % intervals."""
+class _Intervals(NamedTuple):
+    covariance: Array
+    """(m, m) of the coordinates"""
+    quantile: float
+    half_widths: Array
+    """(m,) of the 95 % intervals"""
 
-    def __init__(self, solution: _Solution, windows: int) -> None:
-        J, m = solution.jacobian, solution.jacobian.shape[1]
-        blocks = J[:-m].reshape(windows, -1, m)
-        scores = np.einsum("wrm,wr->wm", blocks, solution.residuals[:-m].reshape(windows, -1))
-        self._set(J[:-m].T @ J[:-m], scores, windows)
 
-    def _set(self, information: Array, scores: Array, windows: int) -> None:
-        m = len(information)
-        self._information, self._scores, self._windows = information, scores, windows
-        prior = np.eye(m) / _PRIOR**2
-        inverse = np.linalg.inv(information + prior)
-        spread = scores.T @ scores * windows / (windows - 1.0)
-        # Few windows say little about single directions; so share what all have in common.
-        common = information * np.trace(inverse @ spread) / m
-        spread = (windows * spread + m * common) / (windows + m)
-        self.covariance: Array = inverse @ (spread + prior) @ inverse
-        self.quantile = float(student_t.ppf(0.975, windows - 1))
-        self.half_widths: Array = self.quantile * np.sqrt(np.diag(self.covariance))
-
-    def without(self, k: int) -> "_Interval":
-        """The intervals if coordinate k were known."""
-        other = object.__new__(_Interval)
-        kept = np.delete(np.arange(len(self._information)), k)
-        other._set(self._information[np.ix_(kept, kept)], self._scores[:, kept], self._windows)
-        return other
+def _intervals(solution: _Solution, windows: int, is_free: NDArray[np.bool_]) -> _Intervals:
+    """Of the m free ones of the fitted coordinates; the others count as known."""
+    priors = solution.jacobian.shape[1]
+    J = solution.jacobian[:-priors, is_free]
+    m = J.shape[1]
+    prior, information = np.eye(m) / _PRIOR**2, J.T @ J
+    residuals = solution.residuals[:-priors].reshape(windows, -1)
+    scores = np.einsum("wrm,wr->wm", J.reshape(*residuals.shape, m), residuals)
+    spread = scores.T @ scores * windows / (windows - 1.0)
+    inverse = np.linalg.inv(information + prior)
+    # Few windows say little about single directions; so share what all have in common.
+    common = information * np.trace(inverse @ spread) / max(m, 1)
+    spread = (windows * spread + m * common) / (windows + m)
+    covariance = inverse @ (spread + prior) @ inverse
+    quantile = float(student_t.ppf(0.975, windows - 1))
+    return _Intervals(covariance, quantile, quantile * np.sqrt(np.diag(covariance)))
 
 
 class _Problem:
