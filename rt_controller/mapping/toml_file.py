@@ -57,13 +57,21 @@ def parse(
         ConfigError: the text is no TOML, or fields are missing, unknown or out of their limits; the
             message starts with `where` and has one line for each error.
     """
+    return checked(parse_table(text, where), schema, where, context, remedies)
+
+
+def parse_table(text: str, where: str) -> dict[str, Any]:
+    """The content of a TOML file, not checked yet.
+
+    Raises:
+        ConfigError: the text is no TOML.
+    """
     try:
-        raw: dict[str, Any] = tomllib.loads(text)
+        return tomllib.loads(text)
     except (ValueError, RecursionError) as error:  # no TOML, or a number without end
         raise ConfigError(
             f"{where}: expected a TOML file, found an error: {error}. Correct the file."
         ) from error
-    return checked(raw, schema, where, context, remedies)
 
 
 def checked(

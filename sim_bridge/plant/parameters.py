@@ -2,9 +2,11 @@
 
 A car file is TOML: one table for each part of the car, and in it for each field of that part
 `{ value = ..., source = "..." }`. The unit ends the field's name; the source states in words where
-the number comes from. The shipped files are in `cars/`.
+the number comes from. The shipped files are in `cars/`. A file that begins with
+`base = "NAME of a shipped car"` has what differs from that car only.
 """
 
+from collections.abc import Mapping
 from functools import cache
 from math import inf, isfinite
 from pathlib import Path
@@ -13,10 +15,10 @@ from typing import Annotated, Any, NamedTuple
 from pydantic import AfterValidator, PlainValidator, TypeAdapter, ValidationInfo
 
 from rt_controller.contract.errors import ConfigError
-from rt_controller.mapping.toml_file import parse
+from rt_controller.mapping.toml_file import checked, parse_table
 from sim_bridge.plant import parts
 from sim_bridge.plant.consistency import contradictions
-from sim_bridge.plant.shipped_cars import CARS_FOLDER, DEFAULT_CAR
+from sim_bridge.plant.shipped_cars import CARS_FOLDER, DEFAULT_CAR, shipped_cars
 from sim_bridge.plant.tyre_file import NO_TYRE_FILE, TyreFileParameters, read_tyre_file
 from sim_bridge.toml_file import read_shipped_or_own
 
@@ -65,9 +67,42 @@ def load_parameters(name_or_path: str | Path) -> Parameters:
         ConfigError: there is no such car; a field is missing, unknown, without source or out of its
             limits; or fields contradict each other. The message names all such fields.
     """
+    remedies = {
+        "tyre_file": "Move it above the first section of the file; keep [tyre].",
+        "base": "Move it above the first section of the file.",
+    }
+    raw = _with_base(car_table(name_or_path), f"car {name_or_path}")
+    return checked(raw, _SCHEMA, f"car {name_or_path}", Path(name_or_path).parent, remedies)
+
+
+def car_table(name_or_path: str | Path) -> dict[str, Any]:
+    """The content of a car file as it is written; that of a shipped car names it as the base.
+
+    Raises:
+        ConfigError: there is no such car, or the file is no TOML.
+    """
+    if str(name_or_path) in shipped_cars():
+        return {"base": str(name_or_path)}
     text = read_shipped_or_own(name_or_path, CARS_FOLDER, "car")
-    remedies = {"tyre_file": "Move it above the first section of the file; keep [tyre]."}
-    return parse(text, _SCHEMA, f"car {name_or_path}", Path(name_or_path).parent, remedies)
+    return parse_table(text, f"car {name_or_path}")
+
+
+def _with_base(own: Mapping[str, Any], where: str) -> dict[str, Any]:
+    """The tables of the base, with those of the car on top of them, field by field."""
+    if "base" not in own:
+        return dict(own)
+    base = own["base"]
+    if base not in shipped_cars():
+        raise ConfigError(
+            f"{where}: base: expected a shipped car, one of {', '.join(shipped_cars())}, found "
+            f"{base!r}."
+        )
+    merged = parse_table(read_shipped_or_own(base, CARS_FOLDER, "car"), base)
+    for name, table in own.items():
+        if name != "base":
+            is_table = isinstance(table, dict) and isinstance(merged.get(name), dict)
+            merged[name] = {**merged[name], **table} if is_table else table
+    return merged
 
 
 @cache

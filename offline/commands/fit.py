@@ -1,0 +1,232 @@
+"""`offline-fit`: a car file for the simulated car from the data set of recorded drives."""
+
+import json
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
+
+from cyclopts import Parameter
+from pydantic import Field
+
+from offline.commands.options import JsonFile
+from offline.commands.terminal import STDERR, STDOUT
+from rt_controller.contract.errors import ConfigError, require_packages
+from rt_controller.contract.figures import require_writable, write_figures
+from rt_controller.contract.limits import DEFAULT_GEOMETRY
+from rt_controller.terminal.command_line import new_app, run_command
+from sim_bridge.plant.shipped_cars import DEFAULT_CAR
+
+if TYPE_CHECKING:
+    from offline.data.dataset import Dataset
+    from offline.evaluation.car_fit import CarFit, Drive
+    from rt_controller.contract.limits import SteeringGeometry
+    from rt_controller.report.table import Table
+    from sim_bridge.plant.parameters import Parameters
+
+app = new_app(
+    "offline-fit",
+    "Fit the parameters of the simulated car that the drives of an imported data set can tell, and "
+    "write a car file. The drives held back for validation and test judge it. docs/own-car.md has "
+    "the parameters.",
+    "DATA FITTED",
+)
+main = partial(run_command, app)
+
+
+class Figure(NamedTuple):
+    """A number of the fitted car, for the table and for `--json`."""
+
+    name: str
+    """with its unit"""
+    base: float
+    value: float
+    low: float
+    """of the 95 % interval; NaN if the drives do not tell the number"""
+    high: float
+    remark: str
+
+    def figures(self) -> dict[str, float | str]:
+        """All but the name, which is their key."""
+        return {key: value for key, value in self._asdict().items() if key != "name"}
+
+
+@app.default
+def fit(
+    data: Path,
+    fitted: Path,
+    *,
+    car: str = DEFAULT_CAR,
+    mass_kg: Annotated[float, Field(gt=100.0, lt=50_000.0)] | None = None,
+    only: Annotated[tuple[str, ...], Parameter(negative=(), show_default=False)] = (),
+    windows: Annotated[int, Field(ge=6, le=2000)] = 40,
+    plot: Path | None = None,
+    json_file: JsonFile = None,
+) -> None:
+    """Write a car file that differs from another car by what the drives tell.
+
+    Args:
+        data: folder of the data set that offline-import made
+        fitted: car file that is written
+        car: name or file of the car to begin with; what is not told stays as it is there
+        mass_kg: mass of the car of the logs, which they do not tell; default: that of --car
+        only: name of a parameter to fit; may be given several times; default: all
+        windows: most windows of 5 s that are used; more take longer and tell more
+        plot: write a picture of the held-out drives, measured and simulated, to this file
+    """
+    require_packages("offline", ("torch",), "offline-fit")
+    for file, option in ((json_file, "--json"), (fitted, "FITTED"), (plot, "--plot")):
+        require_writable(file, option)
+    if fitted.suffix != ".toml":
+        raise ConfigError(f"{fitted}: expected a name that ends in .toml for the car file.")
+    if plot is not None:
+        from rt_controller.report.drive_figure import require_figure_file
+
+        require_figure_file(plot)
+    from offline.data.dataset import load_dataset
+    from offline.evaluation.car_fit import drives_of, fit_car, judge
+    from offline.evaluation.car_parameters import fitted_of, with_stated
+    from rt_controller.contract.files import write_text
+    from rt_controller.report.table import Fact, facts_table, print_table
+    from sim_bridge.plant.parameters import car_table, load_parameters
+
+    dataset, named = load_dataset(data), load_parameters(car)
+    if named.tyre_file.fnomin != 0.0:
+        raise ConfigError(f"--car {car}: expected a car without tyre_file, which is not fitted.")
+    base = with_stated(named, mass_kg, _known_geometry(dataset))
+    parameters = fitted_of(base)
+    names = [each.name for each in parameters]
+    unknown = [name for name in only if name not in names]
+    if unknown:
+        raise ConfigError(
+            f"--only: expected names out of {', '.join(names)}, found {', '.join(unknown)}."
+        )
+    parameters = tuple(each for each in parameters if not only or each.name in only)
+    held_out = drives_of(dataset, ("validation", "test"))
+    with STDERR.status("fitting") as status:
+        result = fit_car(base, parameters, drives_of(dataset, ("train",)), windows, status.update)
+        status.update("judging")
+        before, after = judge(base, held_out), judge(result.car, held_out)
+    figures = estimate_figures(result, base)
+    print_table(estimate_table(figures, result.windows), STDOUT)
+    judged = ("yaw rate, RMS error over RMS", "speed within 10 s, RMS error over range")
+    rows = [
+        Fact(name, f"{new:.2f} %, before the fit {old:.2f} %")
+        for name, new, old in zip(judged, after[:2], before[:2], strict=True)
+    ]
+    print_table(facts_table(rows, f"held-out drives, {after.judged_s:.0f} s"), STDOUT)
+    source = f"fitted by offline-fit to {data.resolve().name}, SHA-256 {dataset.sha256:.16}"
+    write_text(fitted, car_file(car_table(car), named, result.car, source))
+    if plot is not None:
+        draw(result.car, held_out, plot)
+    write_figures(
+        json_file,
+        {
+            "car_file": str(fitted),
+            "windows": result.windows,
+            "parameters": {each.name: each.figures() for each in figures},
+            "held_out": after._asdict(),
+            "held_out_before": before._asdict(),
+        },
+    )
+    STDOUT.print(
+        f"{fitted}\nNext, a drive of the model on this car:\n"
+        f"  rt-controller --bus virtual --car {fitted} --model runs/latest/bundle",
+        soft_wrap=True,
+        highlight=False,
+    )
+
+
+def _known_geometry(dataset: "Dataset") -> "SteeringGeometry | None":
+    """That of [car] in the mapping; None if it says nothing about it."""
+    geometry = dataset.manifest.geometry
+    return None if geometry is None or geometry[:3] == DEFAULT_GEOMETRY[:3] else geometry
+
+
+def estimate_figures(result: "CarFit", base: "Parameters") -> list[Figure]:
+    """The parameters, then the stiffness of both axles that follows from them."""
+    import numpy as np
+
+    from offline.evaluation.car_fit import half_width_of
+    from offline.evaluation.car_parameters import axle_stiffnesses_npr
+
+    figures = []
+    for each in result.estimates:
+        remark = "" if each.is_told else "not told by these logs"
+        if each.is_told and each.is_at_bound:
+            remark = "at the bound of the fit"
+        name, of_base = each.parameter.name, each.parameter.of(base)
+        figures.append(Figure(name, of_base, *each.interval(base), remark))
+    halves = half_width_of(result, base, lambda car: np.array(axle_stiffnesses_npr(car)))
+    found = zip(axle_stiffnesses_npr(base), axle_stiffnesses_npr(result.car), halves, strict=True)
+    for name, (before, after, half) in zip(("front", "rear"), found, strict=True):
+        ends = after, after - float(half), after + float(half)
+        figures.append(Figure(f"axle_stiffness_{name}_npr", before, *ends, "follows from these"))
+    return figures
+
+
+def estimate_table(figures: list[Figure], windows: int) -> "Table":
+    """One row for each number."""
+    from rt_controller.report.table import Column, Table, format_number
+
+    columns = (
+        Column("parameter", is_text=True),
+        Column("before"),
+        Column("fitted"),
+        Column("95 % from"),
+        Column("to"),
+        Column("remark", is_text=True),
+    )
+    rows = tuple(
+        (each.name, *(format_number(number) for number in each[1:5]), each.remark)
+        for each in figures
+    )
+    notes = (
+        f"{windows} windows of the training drives. The unit ends the name; without one the number "
+        f"is dimensionless. A parameter that is not told stays as before.",
+    )
+    return Table("fitted car", columns, rows, notes)
+
+
+def car_file(own: dict[str, Any], before: "Parameters", after: "Parameters", source: str) -> str:
+    """The text of the car file `own` with the values that differ after the fit."""
+    tables = {name: dict(entry) for name, entry in own.items() if isinstance(entry, dict)}
+    lines = [f"{name} = {json.dumps(entry)}" for name, entry in own.items() if name not in tables]
+    for part in before._fields:
+        old, new = getattr(before, part), getattr(after, part)
+        for name, value in new._asdict().items():
+            if value != getattr(old, name):
+                tables.setdefault(part, {})[name] = {"value": value, "source": source}
+    for part, entries in tables.items():
+        lines += ["", f"[{part}]"]
+        lines += [
+            f"{name} = {{ value = {json.dumps(entry['value'])}, "
+            f"source = {json.dumps(entry['source'], ensure_ascii=False)} }}"
+            for name, entry in entries.items()
+        ]
+    return "\n".join(lines) + "\n"
+
+
+def draw(car: "Parameters", drives: "list[Drive]", file: Path) -> None:
+    """A picture of at most 12 held-out windows, measured and simulated, each from its own start."""
+    import numpy as np
+
+    from offline.evaluation.car_fit import JUDGE_S, simulated, windows_of
+    from rt_controller.report.canvas import FAINT, add_legend, empty_figure
+
+    windows = windows_of(car, drives, JUDGE_S, 12)
+    figure, axes = empty_figure(2, 1, 6.0, sharex=True)
+    for k, window in enumerate(windows):
+        drive = window.drive
+        time_s = JUDGE_S * k + drive.period_s * np.arange(window.end - window.begin)
+        measured = drive.measured[window.begin : window.end]
+        pairs = zip(axes, measured.T, simulated(car, window).T, (3.6, np.degrees(1.0)), strict=True)
+        for axis, real, ours, factor in pairs:
+            axis.plot(time_s, factor * real, color=FAINT, lw=4.0, label="" if k else "measured")
+            axis.plot(
+                time_s, factor * ours, color="#2f6fb3", lw=1.0, label="" if k else "simulated"
+            )
+    axes[0].set_ylabel("v_x / km/h")
+    axes[1].set_ylabel("yaw rate / deg/s")
+    axes[1].set_xlabel(f"windows of {JUDGE_S:g} s, one after the other / s")
+    add_legend(figure, axes[0])
+    figure.savefig(file)
