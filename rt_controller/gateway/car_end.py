@@ -36,7 +36,7 @@ from rt_controller.contract.timing import (
     PERIOD_NS,
     counter_lag,
 )
-from rt_controller.gateway.lateral_speed import LateralSpeed
+from rt_controller.mapping.lateral_speed import LateralSpeed
 from rt_controller.gateway.road_place import (
     PlaceMeasured,
     PlaceOnLine,

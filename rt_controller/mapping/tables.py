@@ -172,16 +172,10 @@ _CarValues: Any = create_model("_CarValues", __base__=Settings, **_car_fields)
 
 
 class CarData(_CarValues):  # type: ignore[misc]
-    """The values of `contract/car.py`, and what the gateway estimates a lateral speed with."""
+    """The values of `contract/car.py`."""
 
     thresholds: dict[str, Any] = Field(default_factory=dict)
     """of the plausibility checks, by quantity; others keep theirs"""
-    rear_slip_s2_per_m: Annotated[float, Field(ge=1e-4, le=0.05)] | None = None
-    """side-slip angle of the rear axle per lateral acceleration, in rad; rt-controller estimates a
-    lateral speed that is not measured with it; None: identified from the model"""
-    yaw_inertia_m: Annotated[float, Field(ge=0.0, le=10.0)] | None = None
-    """moment of inertia about z over mass and distance from centre of gravity to front axle; goes
-    with rear_slip_s2_per_m"""
 
     @model_validator(mode="after")
     def _require_known_thresholds(self) -> Self:
