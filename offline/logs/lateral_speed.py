@@ -26,6 +26,7 @@ from scipy.ndimage import uniform_filter1d
 from scipy.optimize import least_squares
 from scipy.signal import lfilter
 
+from offline.logs.smoother import Gaussian, LinearModel, smooth
 from rt_controller.contract.arrays import Array
 from rt_controller.mapping.lateral_speed import SLOWEST_MPS, RearAxle, lateral_speed
 
@@ -42,6 +43,8 @@ SPEED_NOISE, DRIFT_NOISE, BANK_NOISE = 0.1, 0.005, 0.05
 lateral acceleration by the bank of the road in m/s^2"""
 FITTED_MPS, FITTED_EVERY = 3.0, 4
 """constants are fitted to faster samples, to one of so many"""
+SATURATED = 0.2
+"""share of tau within which it varies with the lateral acceleration"""
 ROUNDS = 3
 """of expectation maximisation"""
 
@@ -80,74 +83,6 @@ class Estimate(NamedTuple):
     """(T,) standard deviation"""
     yaw_rad: list[Array]
     """(T,) heading; empty without a pose"""
-
-
-class Gaussian(NamedTuple):
-    """Mean (T, B, n) and covariance (T, B, n, n) of a state, of B pieces."""
-
-    mean: Array
-    covariance: Array
-
-
-class LinearModel(NamedTuple):
-    """s[k+1] = transition s[k] + drift + noise; m measurements, row by row."""
-
-    transition: Array
-    """(T-1, B, n, n)"""
-    drift: Array
-    """(T-1, B, n)"""
-    noise: Array
-    """(T-1, B, n, n) covariance"""
-    rows: Array
-    """(m, T, B, n)"""
-    measured: Array
-    """(m, T, B); NaN: none"""
-    variance: Array
-    """(m,)"""
-    is_free: NDArray[np.bool_]
-    """(m,) true where the variance is not known"""
-    start: Gaussian
-    """(B, n) and (B, n, n) before the first measurement"""
-
-
-def smooth(model: LinearModel) -> Gaussian:
-    """State at every step, given all measurements of its piece."""
-    steps = model.measured.shape[1]
-    mean, cov = model.start
-    before: list[tuple[Array, Array]] = []
-    after: list[tuple[Array, Array]] = []
-    for k in range(steps):
-        if k:
-            move = model.transition[k - 1]
-            mean = np.einsum("bij,bj->bi", move, mean) + model.drift[k - 1]
-            cov = move @ cov @ move.swapaxes(1, 2) + model.noise[k - 1]
-        before.append((mean, cov))
-        for row, measured, variance in zip(
-            model.rows[:, k], model.measured[:, k], model.variance, strict=True
-        ):
-            is_known = np.isfinite(measured)
-            if not is_known.any():
-                continue
-            ph = np.einsum("bij,bj->bi", cov, row)
-            gain = ph / (np.einsum("bi,bi->b", row, ph) + variance)[:, None]
-            gain = gain * is_known[:, None]
-            error = np.where(is_known, measured - np.einsum("bi,bi->b", row, mean), 0.0)
-            mean = mean + gain * error[:, None]
-            cov = cov - gain[:, :, None] * ph[:, None, :]
-        after.append((mean, cov))
-    found = [after[-1]]
-    for k in range(steps - 2, -1, -1):
-        (own, own_cov), (ahead, ahead_cov) = after[k], before[k + 1]
-        back = np.linalg.solve(ahead_cov, model.transition[k] @ own_cov).swapaxes(1, 2)
-        mean, cov = found[-1]
-        found.append(
-            (
-                own + np.einsum("bij,bj->bi", back, mean - ahead),
-                own_cov + back @ (cov - ahead_cov) @ back.swapaxes(1, 2),
-            )
-        )
-    means, covs = zip(*reversed(found), strict=True)
-    return Gaussian(np.array(means), np.array(covs))
 
 
 class _Pieces(NamedTuple):
@@ -232,7 +167,7 @@ def _fit(
     seconds = float(np.count_nonzero(pieces.is_fitted)) * pieces.period_s
     share = (seconds / max(1, np.count_nonzero(pieces.is_fitted[:, thin]))) ** 0.5
     found, lowest = np.array(prior), np.minimum(1e-4, 0.1 * prior)
-    for _ in range(3):
+    for _ in range(2):
         mean_square = np.sum(errors(found) ** 2) / max(1, np.count_nonzero(pieces.is_fitted))
         size = max(float(mean_square) ** 0.5, 1e-4)
 
@@ -240,7 +175,9 @@ def _fit(
             scaled = share / size * errors(constants)[:, thin].ravel()
             return np.concatenate([scaled, (constants - prior) / scales])
 
-        fit = least_squares(residuals, found, x_scale=scales, bounds=(lowest, np.inf), max_nfev=12)
+        fit = least_squares(
+            residuals, found, x_scale=scales, bounds=(lowest, np.inf), max_nfev=8, ftol=1e-4
+        )
         found = fit.x
     return found, np.linalg.inv(fit.jac.T @ fit.jac)
 
@@ -449,7 +386,7 @@ def by_yaw_rate(
     if not wheels:
         way, axle, cov = Way.YAW_RATE, prior, np.diag(scales**2)
     else:
-        wheel, one = pieces.take(wheels), np.ones_like(pieces.vx)
+        wheel = pieces.take(wheels)
 
         def errors(constants: Array) -> Array:
             found = _yaw_response(constants, pieces, wheel, wheelbase_m)
@@ -457,10 +394,11 @@ def by_yaw_rate(
             return pieces.without(found - pieces.yaw_rate, cause)[0]
 
         start = np.array([*prior, prior.slip_s2_per_m + 0.003, 1.0, 0.03])
-        own = np.array([*scales, 3e-3, 0.3, 0.03])
+        # b keeps its value: tyres that saturate would move it further than it is unknown.
+        own = np.array([0.01 * scales[0], *scales[1:], 3e-3, 0.3, 0.03])
         constants, cov = _fit(errors, start, own, pieces)
-        print("c", constants, np.diag(cov) ** 0.5, errors(constants).std())
         way, axle = Way.STEERING, RearAxle(*map(float, constants[:3]))
+        cov = cov[:3, :3] + np.diag([scales[0], SATURATED * axle.slip_s2_per_m, 0.0]) ** 2
     return _estimate(pieces, way, axle, pieces.rear(axle), _spread(pieces, axle, cov) ** 0.5)
 
 

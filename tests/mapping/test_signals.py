@@ -237,7 +237,7 @@ def test_another_unit_than_that_of_the_dbc_is_refused(unit, factor, si, hint):
 def test_the_example_is_a_mapping_of_offline_import_too():
     log_mapping = pytest.importorskip("offline.logs.mapping")
     mapping, _ = log_mapping.read_mapping(EXAMPLE)
-    assert mapping.state_names == ("vx_mps", "yaw_rate_radps", "ds_m", "ey_m", "epsi_rad")
+    assert mapping.state_names == VEHICLE.state_names
     assert mapping.places_roads is False
 
 
