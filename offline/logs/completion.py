@@ -6,6 +6,7 @@ and without a pose the path of a car that moves so from the origin.
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -16,13 +17,13 @@ from offline.logs.episode import LogEpisode
 from offline.logs.lateral_speed import (
     STANDING_MPS,
     Estimate,
-    Motion,
     Way,
     by_acceleration,
     by_pose,
     by_yaw_rate,
 )
 from offline.logs.mapping import LogMapping
+from offline.logs.pieces import Motion
 from offline.logs.series import LoggedDrive
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.car import UNNAMED_CAR, Car
@@ -110,7 +111,7 @@ def complete(
     )
     accuracy = Accuracy(estimate.way, float(np.sqrt(np.mean(std**2))), rms, own)
     counts = np.cumsum([0, *map(len, sampled)])
-    parts = [completed[a:b] for a, b in zip(counts[:-1], counts[1:], strict=True)]
+    parts = [completed[a:b] for a, b in pairwise(counts)]
     return parts, accuracy
 
 

@@ -15,7 +15,6 @@ Kalman filter forwards, Rauch-Tung-Striebel smoother backwards. The variances of
 and of d are those of maximum likelihood, by expectation maximisation (Shumway and Stoffer, 1982).
 """
 
-from collections import defaultdict
 from collections.abc import Callable, Sequence
 from enum import StrEnum
 from typing import NamedTuple
@@ -26,14 +25,13 @@ from scipy.ndimage import uniform_filter1d
 from scipy.optimize import least_squares
 from scipy.signal import lfilter
 
+from offline.logs.pieces import Motion, Pieces, cut_pieces
 from offline.logs.smoother import Gaussian, LinearModel, smooth
 from rt_controller.contract.arrays import Array
-from rt_controller.mapping.lateral_speed import SLOWEST_MPS, RearAxle, lateral_speed
+from rt_controller.mapping.lateral_speed import SLOWEST_MPS, RearAxle
 
 STANDING_MPS = 0.3
 """a slower car has no lateral speed"""
-PIECE_S, OVERLAP_S = 60.0, 5.0
-"""longer stretches are smoothed in pieces, side by side; their ends are cut off"""
 DECAY_PER_S = 3.0
 """lambda"""
 ROLLING_MPS = 0.02
@@ -41,8 +39,8 @@ ROLLING_MPS = 0.02
 SPEED_NOISE, DRIFT_NOISE, BANK_NOISE = 0.1, 0.005, 0.05
 """per square root of a second: of the position along and across the car in m, and of the bias of
 lateral acceleration by the bank of the road in m/s^2"""
-FITTED_MPS, FITTED_EVERY = 3.0, 4
-"""constants are fitted to faster samples, to one of so many"""
+FITTED_EVERY = 4
+"""constants are fitted to one of so many samples"""
 SATURATED = 0.2
 """share of tau within which it varies with the lateral acceleration"""
 ROUNDS = 3
@@ -58,20 +56,6 @@ class Way(StrEnum):
     YAW_RATE = "yaw rate"
 
 
-class Motion(NamedTuple):
-    """One stretch of a drive, (T,) each at the period of the data set."""
-
-    log: int
-    """number of its log"""
-    vx_mps: Array
-    yaw_rate: Array
-    pose: Array | None = None
-    """(T, 3) of the centre of gravity; the yaw is NaN if it is not measured"""
-    ay_mps2: Array | None = None
-    wheel_rad: Array | None = None
-    """of the road wheels, with the steering ratio of the car"""
-
-
 class Estimate(NamedTuple):
     """Lateral speed of motions, and the constants of their car."""
 
@@ -85,79 +69,8 @@ class Estimate(NamedTuple):
     """(T,) heading; empty without a pose"""
 
 
-class _Pieces(NamedTuple):
-    """Motions cut into pieces of at most a minute, (B, T) each; short ones repeat their end."""
-
-    period_s: float
-    spans: tuple[tuple[int, int, int], ...]
-    """number of the motion, its first sample, and that after its last"""
-    log: NDArray[np.int64]
-    """(B,)"""
-    is_own: NDArray[np.bool_]
-    """False: repeated"""
-    vx: Array
-    yaw_rate: Array
-
-    def take(self, arrays: Sequence[Array]) -> Array:
-        """(B, T, ...) of arrays of the motions (T, ...)."""
-        longest = max(b - a for _, a, b in self.spans)
-        own = (arrays[i][np.minimum(np.arange(a, a + longest), b - 1)] for i, a, b in self.spans)
-        return np.array(list(own))
-
-    def join(self, found: Array) -> list[Array]:
-        """The inverse of `take`: each sample is of the piece whose end is farther away."""
-        half, joined = round(0.5 * OVERLAP_S / self.period_s), defaultdict[int, list[Array]](list)
-        for values, (i, a, b), after in zip(
-            found, self.spans, (*self.spans[1:], (-1, 0, 0)), strict=True
-        ):
-            own = values[half if a else 0 : b - a]
-            joined[i].append(own[: len(own) - half] if after[0] == i else own)
-        return [np.concatenate(each) for each in joined.values()]
-
-    def rear(self, axle: RearAxle) -> Array:
-        """v_y of the equation, (B, T)."""
-        return lateral_speed(axle, self.vx, self.yaw_rate, self.period_s)
-
-    @property
-    def is_fitted(self) -> NDArray[np.bool_]:
-        """(B, T) true for samples that constants are fitted to."""
-        return self.is_own & (self.vx > FITTED_MPS)
-
-    def without(self, error: Array, cause: Array) -> tuple[Array, Array]:
-        """The error (B, T) without what a constant times `cause` explains; one constant a log.
-
-        The second result is that constant (B,).
-        """
-        same = self.log[:, None] == self.log
-        product, square = (
-            same @ np.sum(self.is_fitted * each, axis=1) for each in (error * cause, cause**2)
-        )
-        constant = product / np.maximum(square, 1e-9)
-        return self.is_fitted * (error - constant[:, None] * cause), constant
-
-
-def cut_pieces(motions: Sequence[Motion], period_s: float) -> _Pieces:
-    """The motions in pieces that overlap."""
-    whole, overlap = round(PIECE_S / period_s), round(OVERLAP_S / period_s)
-    spans = tuple(
-        (i, a, min(a + whole, len(motion.vx_mps)))
-        for i, motion in enumerate(motions)
-        for a in range(0, max(len(motion.vx_mps) - overlap, 1), whole - overlap)
-    )
-    empty = np.zeros((0, 0))
-    log = np.array([motions[i].log for i, _, _ in spans])
-    pieces = _Pieces(period_s, spans, log, empty > 0.0, empty, empty)
-    vx = pieces.take([motion.vx_mps for motion in motions])
-    ends = np.array([b - a for _, a, b in spans])
-    return pieces._replace(
-        vx=vx,
-        yaw_rate=pieces.take([motion.yaw_rate for motion in motions]),
-        is_own=np.arange(vx.shape[1]) < ends[:, None],
-    )
-
-
 def _fit(
-    errors: Callable[[Array], Array], prior: Array, scales: Array, pieces: _Pieces
+    errors: Callable[[Array], Array], prior: Array, scales: Array, pieces: Pieces
 ) -> tuple[Array, Array]:
     """Constants with the least errors (B, T), and their covariance.
 
@@ -168,11 +81,11 @@ def _fit(
     share = (seconds / max(1, np.count_nonzero(pieces.is_fitted[:, thin]))) ** 0.5
     found, lowest = np.array(prior), np.minimum(1e-4, 0.1 * prior)
     for _ in range(2):
-        mean_square = np.sum(errors(found) ** 2) / max(1, np.count_nonzero(pieces.is_fitted))
-        size = max(float(mean_square) ** 0.5, 1e-4)
+        mean_square = float(np.sum(errors(found) ** 2)) / max(1, np.count_nonzero(pieces.is_fitted))
+        size = float(np.maximum(mean_square**0.5, 1e-4))
 
-        def residuals(constants: Array, size: float = size) -> Array:
-            scaled = share / size * errors(constants)[:, thin].ravel()
+        def residuals(constants: Array, scale: float = share / size) -> Array:
+            scaled = scale * errors(constants)[:, thin].ravel()
             return np.concatenate([scaled, (constants - prior) / scales])
 
         fit = least_squares(
@@ -182,7 +95,7 @@ def _fit(
     return found, np.linalg.inv(fit.jac.T @ fit.jac)
 
 
-def _most_likely(model: LinearModel, place: int, size_mps: float, pieces: _Pieces) -> Gaussian:
+def _most_likely(model: LinearModel, place: int, size_mps: float, pieces: Pieces) -> Gaussian:
     """The state with the variances of largest likelihood; d and its slope begin at `place`."""
     a, dt, d = DECAY_PER_S, pieces.period_s, slice(place, place + 2)
     move = np.exp(-a * dt) * np.array([[1.0 + a * dt, dt], [-(a**2) * dt, 1.0 - a * dt]])
@@ -205,7 +118,7 @@ def _most_likely(model: LinearModel, place: int, size_mps: float, pieces: _Piece
     return found
 
 
-def _white_noise(values: Array, is_own: Array) -> float:
+def _white_noise(values: Array, is_own: NDArray[np.bool_]) -> float:
     """Standard deviation of white noise on smooth signals (B, T), from their third differences."""
     third = np.diff(values, 3, axis=1)[is_own[:, 3:]]
     return float(np.median(np.abs(third)) / 0.6745 / 20.0**0.5)
@@ -216,7 +129,7 @@ def _mid(values: Array) -> Array:
     return np.asarray(0.5 * (values[:, 1:] + values[:, :-1]).T)
 
 
-def _rolling(pieces: _Pieces) -> Array:
+def _rolling(pieces: Pieces) -> Array:
     """(T, B) d of a car too slow for slip; NaN: not known."""
     return np.where(pieces.vx < SLOWEST_MPS, 0.0, np.nan).T
 
@@ -258,14 +171,14 @@ def by_pose(
 
 
 def _estimate(
-    pieces: _Pieces, way: Way, axle: RearAxle, vy: Array, std: Array, yaw: Array | None = None
+    pieces: Pieces, way: Way, axle: RearAxle, vy: Array, std: Array, yaw: Array | None = None
 ) -> Estimate:
     is_moving = pieces.vx >= STANDING_MPS
-    vy, std = (pieces.join(np.where(is_moving, each, 0.0)) for each in (vy, std))
-    return Estimate(way, axle, vy, std, [] if yaw is None else pieces.join(yaw))
+    vys, stds = (pieces.join(np.where(is_moving, each, 0.0)) for each in (vy, std))
+    return Estimate(way, axle, vys, stds, [] if yaw is None else pieces.join(yaw))
 
 
-def _course(pieces: _Pieces, pose: Array) -> Array:
+def _course(pieces: Pieces, pose: Array) -> Array:
     """(B, T) heading of a car that drives where it points, over about half a second."""
     half = round(0.25 / pieces.period_s)
     index = np.arange(pose.shape[1])
@@ -277,7 +190,7 @@ def _course(pieces: _Pieces, pose: Array) -> Array:
 
 
 def _pose_model(
-    pieces: _Pieces, measured: Array, yaw: Array, axle: RearAxle, rear: Array, every: int
+    pieces: Pieces, measured: Array, yaw: Array, axle: RearAxle, rear: Array, every: int
 ) -> LinearModel:
     """States x, y, heading, d, slope of d, bias of the yaw rate; linear about the yaw (B, T)."""
     dt, (n, steps) = pieces.period_s, pieces.vx.shape
@@ -367,14 +280,14 @@ def _mean5(values: Array) -> Array:
     return np.asarray(uniform_filter1d(values, 5, axis=1, mode="nearest"))
 
 
-def _spread(pieces: _Pieces, axle: RearAxle, cov: Array) -> Array:
+def _spread(pieces: Pieces, axle: RearAxle, cov: Array) -> Array:
     """Variance (B, T) of v_y by the covariance of the constants."""
     steps = 0.1 * np.diag(cov)[:3] ** 0.5
     slopes = []
     for i, step in enumerate(steps):
         ends = np.array(axle) + np.eye(3)[i] * step
         slopes.append((pieces.rear(RearAxle(*ends)) - pieces.rear(axle)) / max(step, 1e-12))
-    return np.einsum("ibt,ij,jbt->bt", slopes, cov[:3, :3], slopes)
+    return np.asarray(np.einsum("ibt,ij,jbt->bt", slopes, cov[:3, :3], slopes))
 
 
 def by_yaw_rate(
@@ -402,7 +315,7 @@ def by_yaw_rate(
     return _estimate(pieces, way, axle, pieces.rear(axle), _spread(pieces, axle, cov) ** 0.5)
 
 
-def _yaw_response(constants: Array, pieces: _Pieces, wheel: Array, wheelbase_m: float) -> Array:
+def _yaw_response(constants: Array, pieces: Pieces, wheel: Array, wheelbase_m: float) -> Array:
     """Yaw rate (B, T) of a single-track car to its wheels (B, T), by the trapezoidal rule.
 
     The equation of the rear axle, and that of the front one with a slip angle per lateral

@@ -15,7 +15,7 @@ steps it once a period; `offline-import` runs it over whole drives with the same
 """
 
 from math import exp, isfinite, nan
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -36,8 +36,8 @@ class RearAxle(NamedTuple):
     inertia_m: float
     """q"""
 
-    def steady(self, vx_mps: float) -> float:
-        """z of a steady turn over yaw rate, in m; also of arrays."""
+    def steady(self, vx_mps: Any) -> Any:
+        """z of a steady turn over yaw rate, in m, of a speed or of an array of speeds."""
         b, tau, q = self
         return b - q - tau * vx_mps**2
 
@@ -67,11 +67,11 @@ class LateralSpeed:
             self.forget()
             return b * yaw_rate_radps if vx_mps > 0.0 else 0.0
         if self._z is None:
-            self._z = self.rear_axle.steady(vx_mps) * yaw_rate_radps
+            self._z = float(self.rear_axle.steady(vx_mps) * yaw_rate_radps)
         else:
             mean_radps = 0.5 * (self._yaw_rate_radps + yaw_rate_radps)
             target = self.rear_axle.steady(vx_mps) * mean_radps
-            self._z = target + (self._z - target) * exp(-PERIOD_S / (tau * vx_mps))
+            self._z = float(target + (self._z - target) * exp(-PERIOD_S / (tau * vx_mps)))
         self._yaw_rate_radps = yaw_rate_radps
         return self._z + q * yaw_rate_radps
 

@@ -18,6 +18,7 @@ from own_car import (
 )
 
 from rt_controller.contract.errors import ConfigError, DatasetError
+from rt_controller.contract.signals import VEHICLE
 from rt_controller.mapping.can_log import read_frames
 from rt_controller.mapping.car_file import find_source, load_dbc, read_car
 from rt_controller.mapping.signal_frames import SignalReader, SignalWriter
