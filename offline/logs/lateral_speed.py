@@ -78,10 +78,12 @@ def _fit(
     """
     thin = slice(None, None, FITTED_EVERY)
     seconds = float(np.count_nonzero(pieces.is_fitted)) * pieces.period_s
-    share = (seconds / max(1, np.count_nonzero(pieces.is_fitted[:, thin]))) ** 0.5
+    share = (seconds / max(1, int(np.count_nonzero(pieces.is_fitted[:, thin])))) ** 0.5
     found, lowest = np.array(prior), np.minimum(1e-4, 0.1 * prior)
     for _ in range(2):
-        mean_square = float(np.sum(errors(found) ** 2)) / max(1, np.count_nonzero(pieces.is_fitted))
+        mean_square = float(np.sum(errors(found) ** 2)) / max(
+            1, int(np.count_nonzero(pieces.is_fitted))
+        )
         size = float(np.maximum(mean_square**0.5, 1e-4))
 
         def residuals(constants: Array, scale: float = share / size) -> Array:
