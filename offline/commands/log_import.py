@@ -12,12 +12,14 @@ import numpy as np
 from offline.commands.terminal import STDERR, STDOUT
 from offline.data.dataset import exists, save_dataset
 from offline.data.manifest import CAR_OF_LOGS, Imported
+from offline.logs.completion import complete
 from offline.logs.episode import (
     assign_parts,
     cut_drive,
     join_episodes,
     make_schema,
     roads_of,
+    sample_drive,
     slice_windows,
 )
 from offline.logs.inspection import inspect_drives, report_tables, require_episodes, summary
@@ -63,7 +65,13 @@ def import_logs(
             raise DatasetError("expected different drives, found that " + "\n".join(repeated))
         status.update("cutting into episodes")
         line = read_line(mapping.pose) if mapping.pose else None
-        cuts = [cut_drive(drive, mapping, line) for drive in drives]
+        sampled = [sample_drive(drive, mapping) for drive in drives]
+        car, accuracy = None if mapping.car is None else mapping.car.car, None
+        if mapping.is_completed and any(sampled):
+            status.update("estimating the lateral speed")
+            sampled, accuracy = complete(sampled, drives, mapping)
+            car = accuracy.car
+        cuts = [cut_drive(each, mapping, line) for each in sampled]
         require_episodes(drives, cuts, mapping)
         schema = make_schema(mapping, drives)
         episodes = [episode for cut in cuts for episode in cut.episodes]
@@ -83,12 +91,16 @@ def import_logs(
             STDOUT.print(f"note: {note}", soft_wrap=True, markup=False)
     for sentence in (summary(report), *_limits_of_use(schema)):
         STDOUT.print(sentence)
+    if accuracy is not None:
+        text_of_car = accuracy.sentences(mapping.car is not None)
+        STDOUT.print(text_of_car, soft_wrap=True, markup=False, highlight=False)
     others = [mapping.pose and mapping.pose.reference_line, mapping.can and mapping.can.dbc]
     figures = {
         "folder": None,
         "sha256": None,
         "car": CAR_OF_LOGS,
         "repeated": repeated,
+        "lateral_speed": accuracy and accuracy.figures(),
         **report,
     }
     if folder is not None:
@@ -109,7 +121,7 @@ def import_logs(
                 len(episodes),
                 mapping.split.seed,
             ),
-            car=None if mapping.car is None else mapping.car.car,
+            car=car,
             rejected=sum(len(cut.left_out) for cut in cuts),
         )
         figures |= {"folder": str(folder), "sha256": dataset.sha256}

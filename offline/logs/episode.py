@@ -20,6 +20,7 @@ from rt_controller.contract.arrays import Array
 from rt_controller.contract.errors import ConfigError, DatasetError
 from rt_controller.contract.signals import VEHICLE, Schema, Signal
 from rt_controller.mapping.reference_line import ReferenceLine
+from rt_controller.mapping.tables import RoadsMapping
 
 LEAST_SAMPLES = PAST_STEPS + STEPS + 1
 """of an episode: the past of a window, its steps, and its last state"""
@@ -82,18 +83,40 @@ def make_schema(mapping: LogMapping, drives: Sequence[LoggedDrive]) -> Schema:
     return Schema(states, inputs, exogenous, mapping.period_s)
 
 
-def cut_drive(drive: LoggedDrive, mapping: LogMapping, line: ReferenceLine | None) -> CutDrive:
-    """The episodes of a drive, and the stretches that are too short for one."""
-    stretches, period_s = find_stretches(drive), mapping.period_s
+def sample_drive(drive: LoggedDrive, mapping: LogMapping) -> list[LogEpisode]:
+    """The stretches of a drive at the period of the data set, poses at the centre of gravity.
+
+    The yaw of a log without heading is NaN.
+    """
+    sampled = []
+    for stretch in find_stretches(drive):
+        t_s = grid(stretch, mapping.period_s)
+        signals, poses = (
+            {each.name: resample(each, stretch, t_s, mapping.period_s) for each in series}
+            for series in (drive.signals, drive.poses)
+        )
+        pose = np.zeros((len(t_s), 0))
+        if mapping.pose is not None:
+            yaw = poses.get("yaw", np.full(len(t_s), np.nan))
+            ahead_m, left_m = mapping.pose.ahead_m, mapping.pose.left_m
+            x, y = poses["x"], poses["y"]
+            if ahead_m or left_m:
+                x = x - ahead_m * np.cos(yaw) + left_m * np.sin(yaw)
+                y = y - ahead_m * np.sin(yaw) - left_m * np.cos(yaw)
+            pose = np.stack([x, y, yaw], axis=1)
+        sampled.append(LogEpisode(drive.name, stretch.begin_s, pd.DataFrame(signals), pose))
+    return sampled
+
+
+def cut_drive(
+    stretches: Sequence[LogEpisode], mapping: LogMapping, line: ReferenceLine | None
+) -> CutDrive:
+    """The episodes of the stretches of a drive, and what is too short for one."""
+    period_s = mapping.period_s
     episodes: list[LogEpisode] = []
     left_out: list[Stretch] = []
     off_line = 0
-    for stretch in stretches:
-        t_s = grid(stretch, period_s)
-        signals = {each.name: resample(each, stretch, t_s, period_s) for each in drive.signals}
-        poses = [resample(each, stretch, t_s, period_s) for each in drive.poses]
-        pose = np.stack(poses, axis=1) if poses else np.zeros((len(t_s), 0))
-        sampled = LogEpisode(drive.name, stretch.begin_s, pd.DataFrame(signals), pose)
+    for sampled in stretches:
         parts = [sampled]
         if line is not None and mapping.pose is not None:
             parts = _along_line(sampled, line, mapping.pose.farthest_m, period_s)
@@ -181,9 +204,9 @@ def slice_windows(recording: Recording, roads: Roads | None, seed: int) -> Start
 
 def roads_of(mapping: LogMapping) -> Roads | None:
     """The roads that may be placed under the drives; None without poses or with a line."""
-    if mapping.pose is None or not mapping.places_roads:
+    if not mapping.places_roads:
         return None
-    roads = mapping.pose.roads
+    roads = mapping.pose.roads if mapping.pose else RoadsMapping()
     return Roads(roads.curvatures_per_m, roads.ey_m, radians(roads.epsi_deg))
 
 

@@ -29,6 +29,7 @@ from rt_controller.mapping.tables import (
     CarSignals,
     Clock,
     ColumnMapping,
+    PoseMapping,
     SignalMapping,
 )
 from rt_controller.mapping.toml_file import parse, read_own
@@ -93,6 +94,8 @@ class LogMapping(CarSignals):
 
     period_s: PositiveFloat = PERIOD_S
     """of the data set"""
+    lateral_speed: Literal["estimated", "none"] = "estimated"
+    """if it is not in the logs"""
     time: TimeMapping = TimeMapping()
     csv: CsvSettings = CsvSettings()
     split: SplitSettings = SplitSettings()
@@ -122,18 +125,39 @@ class LogMapping(CarSignals):
 
     @property
     def places_roads(self) -> bool:
-        """True if there are poses, and roads are placed under the drives later."""
-        return self.pose is not None and self.pose.reference_line is None
+        """True if there are poses, also estimated ones, and roads are placed under the drives."""
+        if self.pose is not None:
+            return self.pose.reference_line is None
+        is_of_controller = self.car_states == CAR_STATES and not self.exogenous
+        return self.is_completed and is_of_controller and tuple(self.inputs) == VEHICLE.input_names
+
+    @property
+    def is_completed(self) -> bool:
+        """True if the lateral speed is estimated: logs have speed and yaw rate or pose without."""
+        has_motion = "vx_mps" in self.states and (
+            "yaw_rate_radps" in self.states or self.pose is not None
+        )
+        is_measured = any(self.quantity(each) is Quantity.LATERAL_SPEED for each in self.states)
+        return self.lateral_speed == "estimated" and has_motion and not is_measured
+
+    @property
+    def car_states(self) -> tuple[str, ...]:
+        """States of the data set without those of the path."""
+        if not self.is_completed:
+            return tuple(self.states)
+        return (*CAR_STATES, *(name for name in self.states if name not in CAR_STATES))
 
     @property
     def state_names(self) -> tuple[str, ...]:
         """States of the data set: those of the logs, and with poses those of the path."""
-        return (*self.states, *(PATH_STATES if self.pose else ()))
+        has_path = self.pose is not None or self.places_roads
+        return (*self.car_states, *(PATH_STATES if has_path else ()))
 
     @property
     def exogenous_names(self) -> tuple[str, ...]:
         """Exogenous signals of the data set."""
-        return (*self.exogenous, *(VEHICLE.exogenous_names if self.pose else ()))
+        has_path = self.pose is not None or self.places_roads
+        return (*self.exogenous, *(VEHICLE.exogenous_names if has_path else ()))
 
     def quantity(self, name: str) -> Quantity:
         """What a signal measures."""
@@ -148,12 +172,28 @@ class LogMapping(CarSignals):
         speeds = [name for name in self.states if self.quantity(name) is Quantity.SPEED]
         path = PATH_STATES if self.state_names == VEHICLE.state_names else ()
         centred, past = (*speeds, *path[:1]), self.roles.past
-        remembered = [n for n in (*self.states, *self.inputs) if n not in path]
+        remembered = [n for n in (*self.car_states, *self.inputs) if n not in path]
         return Roles(
             centred=centred if self.roles.centred is None else self.roles.centred,
             odd=self.roles.odd,
             past=tuple(n for n in remembered if past is None or n in past),
         )
+
+    def _pose_mistakes(self, pose: PoseMapping) -> list[str]:
+        mistakes = []
+        if pose.yaw is None and (not self.is_completed or pose.ahead_m or pose.left_m):
+            mistakes.append(
+                "pose.yaw: expected a heading for a measured vy_mps, or for a pose beside the "
+                "centre of gravity, found none. Map the heading; without both it is computed "
+                "from the course"
+            )
+        if pose.is_geographic and pose.reference_line is not None:
+            mistakes.append(
+                "pose: expected x and y in the frame of the reference_line, found degrees, which "
+                "become m from the first point of each log. Give positions in m, or leave the "
+                "reference_line out"
+            )
+        return mistakes
 
     @model_validator(mode="after")
     def _require_consistency(self) -> Self:
@@ -176,20 +216,22 @@ class LogMapping(CarSignals):
         if not self.files and any(clock.file for clock in clocks):
             mistakes.append("time.file: expected a file for each signal too, found none")
         for role, chosen in self.roles.model_dump(exclude_none=True).items():
-            known = [*self.states, *self.inputs] if role == "past" else names
+            known = [*self.car_states, *self.inputs] if role == "past" else names
             unknown = [name for name in chosen if name not in known]
             if unknown:
                 mistakes.append(
                     f"roles.{role}: expected names among {', '.join(known)}, found "
                     f"{', '.join(unknown)}"
                 )
-        if self.places_roads and (tuple(self.states) != CAR_STATES or self.exogenous):
+        if self.places_roads and (self.car_states != CAR_STATES or self.exogenous):
             mistakes.append(
                 f"pose without a reference_line: expected the states {', '.join(CAR_STATES)} in "
                 f"this order and no exogenous signal, so that roads can be placed under the "
                 f"drives, found {', '.join((*self.states, *self.exogenous))}. Name a "
                 f"reference_line, or leave [pose] out"
             )
+        if self.pose is not None:
+            mistakes += self._pose_mistakes(self.pose)
         if mistakes:
             raise ValueError("\n".join(mistakes))
         return self

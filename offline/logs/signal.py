@@ -13,13 +13,21 @@ from rt_controller.contract.arrays import Array
 from rt_controller.contract.errors import DatasetError
 from rt_controller.mapping.quantity import limits_of
 from rt_controller.mapping.slots import scaling_of
-from rt_controller.mapping.tables import LONGEST_GAP_PERIODS, ColumnMapping, Sampling, SignalMapping
+from rt_controller.mapping.tables import (
+    LONGEST_GAP_PERIODS,
+    ColumnMapping,
+    Sampling,
+    SignalMapping,
+    is_angle,
+)
 from rt_controller.mapping.units import si_unit_of_name
 
 SHORTEST_STEP_S = 0.02
 """time over which a change is judged, so that noise of fast samples does not count as a jump"""
 POSE_SIGNALS = (("x", "m", 120.0), ("y", "m", 120.0), ("yaw", "rad", 5.0))
 """name, SI unit and largest rate of change per second"""
+_WGS84_A_M, _WGS84_E2 = 6378137.0, 6.69437999014e-3
+"""semi-major axis and square of the eccentricity of the ellipsoid"""
 AVERAGED_FROM = 2.0
 """samples per period from which a signal is averaged instead of interpolated"""
 _SLACK = 1e-6
@@ -98,13 +106,40 @@ def to_drive(log: Log, mapping: LogMapping) -> LoggedDrive:
         _within_limits(mapping, _to_signal(log, mapping, begin_s, name, column), column)
         for name, column in mapping.read_signals.items()
     )
-    poses = []
+    poses: list[tuple[LogSignal, float]] = []
     for (name, unit, steepest), pose in zip(POSE_SIGNALS, mapping.pose_columns, strict=False):
-        signal = _to_signal(log, mapping, begin_s, name, pose, unit)
-        if name == "yaw":
+        signal = _to_signal(log, mapping, begin_s, name, pose, "rad" if is_angle(pose) else unit)
+        if signal.unit == "rad":
             signal = replace(signal, values=np.unwrap(signal.values))
-        poses.append(_without_jumps(signal, steepest))
-    return LoggedDrive(log.name, log.rows, signals, tuple(poses))
+        poses.append((signal, steepest))
+    if mapping.pose is not None and mapping.pose.is_geographic:
+        (east, _), (north, _) = poses[:2]
+        for i, signal in enumerate(_on_plane(east, north)):
+            poses[i] = signal, poses[i][1]
+    found = tuple(_without_jumps(signal, steepest) for signal, steepest in poses)
+    return LoggedDrive(log.name, log.rows, signals, found)
+
+
+def _on_plane(longitude: LogSignal, latitude: LogSignal) -> tuple[LogSignal, LogSignal]:
+    """East and north in m, on the tangent plane of the WGS 84 ellipsoid at the first point.
+
+    With the radii of curvature of the meridian and of the prime vertical there.
+    """
+    outside = np.flatnonzero(np.abs(latitude.values) > 0.5 * np.pi)
+    if len(outside):
+        raise DatasetError(
+            f"{latitude.place_of(int(outside[0]))}: expected a latitude within 90 deg, found "
+            f"{np.degrees(latitude.values[outside[0]]):.6g}. Write the longitude as x and the "
+            f"latitude as y, both in deg."
+        )
+    first = float(latitude.values[0])
+    flat = 1.0 - _WGS84_E2 * np.sin(first) ** 2
+    north_m = _WGS84_A_M * (1.0 - _WGS84_E2) / flat**1.5
+    east_m = _WGS84_A_M / flat**0.5 * np.cos(first)
+    return (
+        replace(longitude, unit="m", values=east_m * (longitude.values - longitude.values[0])),
+        replace(latitude, unit="m", values=north_m * (latitude.values - first)),
+    )
 
 
 def _to_signal(

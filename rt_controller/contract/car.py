@@ -71,6 +71,12 @@ class Car:
     brake_mps2_per_n: float | None = _value(
         0.005, 0.5, None, "deceleration per newton on the brake pedal"
     )
+    rear_slip_s2_per_m: float | None = _value(
+        1e-4, 0.05, None, "side-slip angle of the rear axle per lateral acceleration, for v_y"
+    )
+    yaw_inertia_m: float | None = _value(
+        0.0, 10.0, None, "yaw inertia over mass and distance from centre of gravity to front axle"
+    )
     thresholds: Mapping[str, float] = field(default_factory=dict)
     """of plausibility checks, by the lower-case name of their quantity; others keep theirs"""
 

@@ -36,7 +36,6 @@ from rt_controller.contract.timing import (
     PERIOD_NS,
     counter_lag,
 )
-from rt_controller.gateway.lateral_speed import LateralSpeed
 from rt_controller.gateway.road_place import (
     PlaceMeasured,
     PlaceOnLine,
@@ -46,6 +45,7 @@ from rt_controller.gateway.road_place import (
 )
 from rt_controller.gateway.samples import Motion, MotionHistory, Sample, Samples, SpeedSlope
 from rt_controller.mapping.car_file import CarFile
+from rt_controller.mapping.lateral_speed import LateralSpeed
 from rt_controller.mapping.signal_frames import SignalReader, SignalWriter
 from rt_controller.mapping.slots import command_slots, measured_slots
 from rt_controller.vehicle.path_steering import Course
@@ -73,7 +73,9 @@ class CarEnd:
         self._line = car.line
         self._place: PlaceOnLine | PlaceMeasured = PlaceMeasured()
         if car.line is not None and mapping.pose is not None and "ey_m" not in mapping.states:
-            self._place = PlaceOnLine(car.line, mapping.pose.farthest_m)
+            self._place = PlaceOnLine(
+                car.line, mapping.pose.farthest_m, mapping.pose.ahead_m, mapping.pose.left_m
+            )
         self._lateral_speed = lateral_speed
         self._inbox = Inbox(Node.VEHICLE)
         self._outbox = Outbox(bus, Node.VEHICLE)

@@ -1,21 +1,11 @@
-"""Lateral speed from yaw rate and speed, for a car that does not measure it.
+"""The constants with which the gateway estimates a lateral speed that the car does not measure.
 
-At the rear axle the side-slip angle is the lateral force over the cornering stiffness, and by the
-balance of moments that force follows from lateral acceleration and yaw acceleration:
-
-    v_y = b r - tau v_x (dv_y/dt + r v_x) + tau q v_x dr/dt
-
-with b the distance from the centre of gravity to the rear axle, tau = m a / (L C_r) and
-q = I_z / (m a). With v_y = z + q r no derivative of the yaw rate is needed:
-
-    tau v_x dz/dt = (b - q - tau v_x^2) r - z
-
-Steering and front tyres do not occur, so an offset of the steering wheel has no effect. tau and q
-are identified from the learned model; decision 049 compares the error with other estimators.
+They are those of the mapping, else those of the model's car, else identified from roll-outs of the
+learned model; decision 049 compares the error with other estimators.
 """
 
-from math import exp, isfinite, nan, pi
-from typing import NamedTuple
+from dataclasses import replace
+from math import pi
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -28,11 +18,10 @@ from rt_controller.contract.signals import N_STATES, VehicleState
 from rt_controller.contract.timing import PERIOD_S
 from rt_controller.control.lift import Encoder
 from rt_controller.mapping.car_file import CarFile
+from rt_controller.mapping.lateral_speed import LateralSpeed, RearAxle
 from rt_controller.model.bundle import Bundle
 from rt_controller.model.dynamics import Step
 
-SLOWEST_MPS = 1.0
-"""the equation has no solution at rest; below, v_y is that of rolling: b r"""
 _SPEEDS_MPS = (12.0, 20.0, 28.0, 35.0)
 _FREQUENCIES_HZ = (0.5, 1.0)
 _STEPS = 60
@@ -43,51 +32,6 @@ _FIRST_GUESS = (4e-3, 1.0)
 LARGEST_MISFIT = 0.3
 """of v_y between the equation and the model, as a share; the shipped lifted models have 0.1"""
 _BOUNDS = ((5e-4, 0.0), (0.03, 5.0))
-
-
-class RearAxle(NamedTuple):
-    """The constants of the equation above."""
-
-    rear_axle_m: float
-    """b"""
-    slip_s2_per_m: float
-    """tau: side-slip angle of the rear axle per lateral acceleration"""
-    inertia_m: float
-    """q"""
-
-
-class LateralSpeed:
-    """Estimates v_y once a period; nothing is allocated."""
-
-    def __init__(self, rear_axle: RearAxle) -> None:
-        self.rear_axle = rear_axle
-        self._z: float | None = None
-        self._yaw_rate_radps = 0.0
-
-    def forget(self) -> None:
-        """The next period does not follow on the last one."""
-        self._z = None
-
-    def update(self, vx_mps: float, yaw_rate_radps: float) -> float:
-        """v_y in m/s of a period; NaN if a value is.
-
-        The first one assumes a steady turn; the assumption decays with tau v_x, 0.1 s at 20 m/s.
-        """
-        b, tau, q = self.rear_axle
-        if not (isfinite(vx_mps) and isfinite(yaw_rate_radps)):
-            self.forget()
-            return nan
-        if vx_mps < SLOWEST_MPS or tau <= 0.0:
-            self.forget()
-            return b * yaw_rate_radps if vx_mps > 0.0 else 0.0
-        if self._z is None:
-            self._z = (b - q - tau * vx_mps**2) * yaw_rate_radps
-        else:
-            mean_radps = 0.5 * (self._yaw_rate_radps + yaw_rate_radps)
-            target = (b - q - tau * vx_mps**2) * mean_radps
-            self._z = target + (self._z - target) * exp(-PERIOD_S / (tau * vx_mps))
-        self._yaw_rate_radps = yaw_rate_radps
-        return self._z + q * yaw_rate_radps
 
 
 def identify(bundle: Bundle, geometry: SteeringGeometry) -> RearAxle:
@@ -149,21 +93,32 @@ def _roll_outs(bundle: Bundle, steering_ratio: float) -> list[Array]:
 
 
 def choose_car(car: CarFile, bundle: Bundle) -> Car:
-    """That of the mapping, else that of the model, else an unnamed one."""
-    data = car.mapping.car
-    return data.car if data is not None else bundle.car or UNNAMED_CAR
+    """That of the mapping, else that of the model, else an unnamed one.
+
+    Constants of the lateral speed that the mapping does not have are those of the model's car.
+    """
+    data, of_model = car.mapping.car, bundle.car or UNNAMED_CAR
+    if data is None:
+        return of_model
+    if data.rear_slip_s2_per_m is not None or of_model.rear_slip_s2_per_m is None:
+        return data.car
+    return replace(
+        data.car,
+        rear_slip_s2_per_m=of_model.rear_slip_s2_per_m,
+        yaw_inertia_m=of_model.yaw_inertia_m,
+    )
 
 
 def choose_lateral_speed(car: CarFile, bundle: Bundle) -> LateralSpeed:
-    """The estimator with the constants of the mapping, else with those of the model.
+    """The estimator with the constants of the car, else with those that its model has learned.
 
     It is not used if the car measures v_y.
     """
-    data, geometry = car.mapping.car, choose_car(car, bundle).geometry
-    rear_m = geometry.rear_axle_m
+    own = choose_car(car, bundle)
+    rear_m = own.rear_axle_m
     if "vy_mps" in car.mapping.states:
         return LateralSpeed(RearAxle(rear_m, 0.0, 0.0))
-    if data is not None and data.rear_slip_s2_per_m is not None:
-        inertia_m = rear_m if data.yaw_inertia_m is None else data.yaw_inertia_m
-        return LateralSpeed(RearAxle(rear_m, data.rear_slip_s2_per_m, inertia_m))
-    return LateralSpeed(identify(bundle, geometry))
+    if own.rear_slip_s2_per_m is not None:
+        inertia_m = rear_m if own.yaw_inertia_m is None else own.yaw_inertia_m
+        return LateralSpeed(RearAxle(rear_m, own.rear_slip_s2_per_m, inertia_m))
+    return LateralSpeed(identify(bundle, own.geometry))

@@ -25,8 +25,8 @@ from rt_controller.contract.timing import (
     counter_lag,
 )
 from rt_controller.gateway.car_end import CarEnd
-from rt_controller.gateway.lateral_speed import LateralSpeed
 from rt_controller.mapping.car_file import CarFile
+from rt_controller.mapping.lateral_speed import LateralSpeed
 from rt_controller.mapping.signal_frames import MAX_FRAMES
 from rt_controller.realtime.clock import RealtimeClock
 from rt_controller.safety.envelope import limit

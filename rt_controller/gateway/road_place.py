@@ -4,7 +4,7 @@ A measurement is moved on by the motion since then, so that a slow or delayed si
 in every period.
 """
 
-from math import isfinite, isnan, nan, remainder, sqrt, tau
+from math import cos, isfinite, isnan, nan, remainder, sin, sqrt, tau
 from typing import NamedTuple
 
 import numpy as np
@@ -37,9 +37,16 @@ class RoadPlace(NamedTuple):
 class PlaceOnLine:
     """By [pose] and its reference line."""
 
-    def __init__(self, line: ReferenceLine, farthest_m: float) -> None:
+    def __init__(
+        self,
+        line: ReferenceLine,
+        farthest_m: float,
+        ahead_m: float = 0.0,
+        left_m: float = 0.0,
+    ) -> None:
         self._line = line
         self._farthest_m = farthest_m
+        self._ahead_m, self._left_m = ahead_m, left_m
         self._last_s_m = nan
 
     def locate(self, samples: Samples, history: MotionHistory, motion: Motion) -> RoadPlace | None:
@@ -51,6 +58,8 @@ class PlaceOnLine:
         yaw_rad = yaw.value + history.turned(yaw.measured_ns)
         x_m = x.value + history.moved(x.measured_ns, yaw_rad)[0]
         y_m = y.value + history.moved(y.measured_ns, yaw_rad)[1]
+        x_m += self._left_m * sin(yaw_rad) - self._ahead_m * cos(yaw_rad)
+        y_m -= self._left_m * cos(yaw_rad) + self._ahead_m * sin(yaw_rad)
         if not all(map(isfinite, (x_m, y_m, yaw_rad))):
             return RoadPlace(nan, nan, nan, nan, nan)
         at = self._line.locate(np.array([[x_m, y_m, yaw_rad]]))

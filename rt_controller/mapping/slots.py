@@ -71,8 +71,9 @@ def slots_of(table: str, columns: Iterable[tuple[str, object]]) -> Iterator[Slot
             continue
         si = _UNITS.get(name) or si_unit_of_name(name) or ("" if table == "signals" else "1")
         unit = find_unit(column.unit) if column.unit else None
-        if name == "c1" and unit is not None and unit.si == "rad":
-            si = "rad"  # a slope: a ratio, or for small angles the angle
+        # c1 is a slope: a ratio, or for small angles the angle; a position may be geographic.
+        if name in ("c1", "x", "y") and unit is not None and unit.si == "rad":
+            si = "rad"
         quantity, plausible = Quantity.OTHER, None
         if isinstance(column, SignalMapping):
             plausible = column.plausible

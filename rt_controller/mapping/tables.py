@@ -172,16 +172,10 @@ _CarValues: Any = create_model("_CarValues", __base__=Settings, **_car_fields)
 
 
 class CarData(_CarValues):  # type: ignore[misc]
-    """The values of `contract/car.py`, and what the gateway estimates a lateral speed with."""
+    """The values of `contract/car.py`."""
 
     thresholds: dict[str, Any] = Field(default_factory=dict)
     """of the plausibility checks, by quantity; others keep theirs"""
-    rear_slip_s2_per_m: Annotated[float, Field(ge=1e-4, le=0.05)] | None = None
-    """side-slip angle of the rear axle per lateral acceleration, in rad; rt-controller estimates a
-    lateral speed that is not measured with it; None: identified from the model"""
-    yaw_inertia_m: Annotated[float, Field(ge=0.0, le=10.0)] | None = None
-    """moment of inertia about z over mass and distance from centre of gravity to front axle; goes
-    with rear_slip_s2_per_m"""
 
     @model_validator(mode="after")
     def _require_known_thresholds(self) -> Self:
@@ -192,6 +186,12 @@ class CarData(_CarValues):  # type: ignore[misc]
     def car(self) -> Car:
         """The same as model bundle and gateway carry it."""
         return car_of(self.model_dump(include={*CAR_VALUES, "thresholds"}))
+
+
+def is_angle(column: ColumnMapping) -> bool:
+    """True if the mapping gives the unit of an angle."""
+    unit = find_unit(column.unit) if column.unit else None
+    return unit is not None and unit.si == "rad"
 
 
 class RoadsMapping(Settings):
@@ -209,7 +209,11 @@ class PoseMapping(Settings):
 
     x: ColumnMapping
     y: ColumnMapping
-    yaw: ColumnMapping
+    yaw: ColumnMapping | None = None
+    """None: only for logs, computed from the course"""
+    ahead_m: FiniteFloat = 0.0
+    """of the point that x and y are of, from the centre of gravity"""
+    left_m: FiniteFloat = 0.0
     reference_line: RelativePath | None = None
     """CSV of x and y in m along the road, in the pose's frame; None: roads are placed under the
     drives as for simulated ones"""
@@ -218,6 +222,17 @@ class PoseMapping(Settings):
     """root mean square distance between the smoothed line and its points"""
     farthest_m: PositiveFloat = 15.0
     roads: RoadsMapping = RoadsMapping()
+
+    @property
+    def is_geographic(self) -> bool:
+        """True if x is a longitude and y a latitude, as angles in their units say."""
+        return is_angle(self.x) and is_angle(self.y)
+
+    @model_validator(mode="after")
+    def _require_one_frame(self) -> Self:
+        if is_angle(self.x) != is_angle(self.y):
+            raise ValueError("expected x and y both in m, or longitude and latitude in deg")
+        return self
 
 
 class CanSettings(Settings):
@@ -365,8 +380,9 @@ class CarSignals(Settings):
 
     @property
     def pose_columns(self) -> tuple[ColumnMapping, ...]:
-        """x, y and yaw; empty without [pose]."""
-        return (self.pose.x, self.pose.y, self.pose.yaw) if self.pose else ()
+        """x, y and yaw, where it is mapped; empty without [pose]."""
+        columns = (self.pose.x, self.pose.y, self.pose.yaw) if self.pose else ()
+        return tuple(column for column in columns if column is not None)
 
     def quantity(self, name: str) -> Quantity:
         """What a signal measures."""
@@ -430,6 +446,11 @@ class DrivingMapping(CarSignals):
                 "expected the place on the road: [pose] with a reference_line, or the states "
                 "ey_m and epsi_rad with the exogenous signal curvature_per_m, found neither. A "
                 "reference_line is a CSV of x and y in m along the road"
+            )
+        elif self.pose is not None and (self.pose.is_geographic or self.pose.yaw is None):
+            mistakes.append(
+                "pose: expected x and y in m in the frame of the reference_line, and yaw, found "
+                "degrees or no yaw, which count for logs only. Map positions in m and the heading"
             )
         elif has_line and len(place) == 1:
             mistakes.append(

@@ -22,9 +22,10 @@ from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.limits import DEFAULT_GEOMETRY
 from rt_controller.contract.signals import ControlInput
 from rt_controller.contract.timing import PERIOD_NS, PERIOD_S
-from rt_controller.gateway.lateral_speed import LateralSpeed, RearAxle, identify
+from rt_controller.gateway.lateral_speed import identify
 from rt_controller.gateway.road_place import PlaceMeasured
 from rt_controller.gateway.samples import LARGEST_MPS2, Motion, MotionHistory, Sample, SpeedSlope
+from rt_controller.mapping.lateral_speed import LateralSpeed, RearAxle
 from rt_controller.mapping.signal_frames import FrameQueue
 from rt_controller.model.bundle import Bundle
 

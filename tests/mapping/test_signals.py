@@ -18,6 +18,7 @@ from own_car import (
 )
 
 from rt_controller.contract.errors import ConfigError, DatasetError
+from rt_controller.contract.signals import VEHICLE
 from rt_controller.mapping.can_log import read_frames
 from rt_controller.mapping.car_file import find_source, load_dbc, read_car
 from rt_controller.mapping.signal_frames import SignalReader, SignalWriter
@@ -237,7 +238,7 @@ def test_another_unit_than_that_of_the_dbc_is_refused(unit, factor, si, hint):
 def test_the_example_is_a_mapping_of_offline_import_too():
     log_mapping = pytest.importorskip("offline.logs.mapping")
     mapping, _ = log_mapping.read_mapping(EXAMPLE)
-    assert mapping.state_names == ("vx_mps", "yaw_rate_radps", "ds_m", "ey_m", "epsi_rad")
+    assert mapping.state_names == VEHICLE.state_names
     assert mapping.places_roads is False
 
 

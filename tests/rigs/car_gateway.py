@@ -8,8 +8,8 @@ from rt_controller.bus.send import Outbox
 from rt_controller.contract.faults import Fault
 from rt_controller.contract.signals import Mode
 from rt_controller.contract.timing import PERIOD_NS
-from rt_controller.gateway.lateral_speed import LateralSpeed, RearAxle
 from rt_controller.gateway.process import Gateway
+from rt_controller.mapping.lateral_speed import LateralSpeed, RearAxle
 from rt_controller.mapping.signal_frames import FrameQueue
 
 REAR_AXLE = RearAxle(1.86, 0.005, 0.5)

@@ -17,6 +17,7 @@ from offline.logs.episode import (
     cut_drive,
     join_episodes,
     roads_of,
+    sample_drive,
     slice_windows,
 )
 from offline.logs.mapping import SplitSettings
@@ -33,7 +34,7 @@ def to_log(made, keep=slice(None)):
 def cut_made(parse, made, text=MAPPING, line=None, keep=slice(None)):
     mapping = parse(text)
     drive = to_drive(to_log(made, keep), mapping)
-    return cut_drive(drive, mapping, line)
+    return cut_drive(sample_drive(drive, mapping), mapping, line)
 
 
 def test_a_drive_is_cut_at_gaps_and_short_stretches_are_listed_as_left_out(parse, made_drive):

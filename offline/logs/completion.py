@@ -1,0 +1,186 @@
+"""Signals of the controller that logs lack, from those that they have.
+
+Lateral speed by `offline.logs.lateral_speed`; yaw rate from the heading, heading from the course,
+and without a pose the path of a car that moves so from the origin.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+from scipy.integrate import cumulative_trapezoid
+from scipy.signal import savgol_filter
+
+from offline.logs.episode import LogEpisode
+from offline.logs.lateral_speed import (
+    STANDING_MPS,
+    Estimate,
+    Way,
+    by_acceleration,
+    by_pose,
+    by_yaw_rate,
+)
+from offline.logs.mapping import LogMapping
+from offline.logs.pieces import Motion
+from offline.logs.signal import LoggedDrive
+from rt_controller.contract.arrays import Array
+from rt_controller.contract.car import UNNAMED_CAR, Car
+from rt_controller.mapping.lateral_speed import RearAxle
+from rt_controller.mapping.quantity import Quantity
+
+VX, VY, YAW_RATE = "vx_mps", "vy_mps", "yaw_rate_radps"
+_SLOPE_S = 0.25
+"""window in which a heading is a parabola"""
+_COURSE_S = 0.5
+"""the same for a position"""
+_UNKNOWN_M = 0.15
+"""standard deviation of the place of the rear axle if [car] does not give it"""
+
+
+class Accuracy(NamedTuple):
+    """How the lateral speed of a data set was estimated, and how exact it is."""
+
+    way: Way
+    std_mps: float
+    """root mean square of the standard deviation of the moving car"""
+    rms_mps: float | None
+    """of the difference to a measured lateral speed in [checks.signals]; None: there is none"""
+    car: Car
+    """with the constants of the estimate"""
+
+    def figures(self) -> dict[str, object]:
+        """The same for `--json`."""
+        constants = ("rear_axle_m", "rear_slip_s2_per_m", "yaw_inertia_m")
+        return {
+            "way": str(self.way),
+            "std_mps": self.std_mps,
+            "rms_mps": self.rms_mps,
+            **{name: getattr(self.car, name) for name in constants},
+        }
+
+    def sentences(self, is_of_mapping: bool) -> str:
+        """What was done, and the table for the mapping."""
+        against = ""
+        if self.rms_mps is not None:
+            against = f", {self.rms_mps:.3f} m/s root mean square from the measured one"
+        names = ["rear_axle_m", "rear_slip_s2_per_m", "yaw_inertia_m"]
+        if not is_of_mapping:
+            names = ["wheelbase_m", "steering_ratio", *names]
+        rows = "".join(f"\n{name} = {getattr(self.car, name):.4g}" for name in names)
+        default = "" if is_of_mapping else " (without [car]: geometry of the default car)"
+        return (
+            f"v_y is not in the logs: estimated from {self.way}{default}, standard deviation "
+            f"{self.std_mps:.3f} m/s{against}. rt-controller estimates it with the same constants, "
+            f"which models of this data set carry; for the mapping of the car:\n[car]{rows}"
+        )
+
+
+def complete(
+    sampled: Sequence[Sequence[LogEpisode]], drives: Sequence[LoggedDrive], mapping: LogMapping
+) -> tuple[list[list[LogEpisode]], Accuracy]:
+    """The stretches of each drive with v_y and pose, and how exact that v_y is."""
+    car = mapping.car.car if mapping.car else UNNAMED_CAR
+    flat = [part for parts in sampled for part in parts]
+    motions = [
+        _motion(part, number, mapping, car)
+        for number, parts in enumerate(sampled)
+        for part in parts
+    ]
+    estimate = _estimate(motions, drives, mapping, car)
+    completed = [
+        _completed(part, motion, estimate, i, mapping)
+        for i, (part, motion) in enumerate(zip(flat, motions, strict=True))
+    ]
+    is_moving = np.concatenate([motion.vx_mps for motion in motions]) >= STANDING_MPS
+    std = np.concatenate(estimate.std_mps)[is_moving]
+    measured = next(
+        (n for n in mapping.checks.signals if mapping.quantity(n) is Quantity.LATERAL_SPEED), None
+    )
+    rms = None
+    if measured:
+        known = np.concatenate([part.signals[measured].to_numpy() for part in flat])
+        rms = float(np.sqrt(np.mean((np.concatenate(estimate.vy_mps) - known) ** 2)))
+    axle = estimate.axle
+    own = replace(
+        car,
+        rear_axle_m=car.rear_axle_m if mapping.car else axle.rear_axle_m,
+        rear_slip_s2_per_m=float(np.clip(axle.slip_s2_per_m, 1e-4, 0.05)),
+        yaw_inertia_m=float(np.clip(axle.inertia_m, 0.0, 10.0)),
+    )
+    accuracy = Accuracy(estimate.way, float(np.sqrt(np.mean(std**2))), rms, own)
+    counts = np.cumsum([0, *map(len, sampled)])
+    parts = [completed[a:b] for a, b in pairwise(counts)]
+    return parts, accuracy
+
+
+def _motion(part: LogEpisode, log: int, mapping: LogMapping, car: Car) -> Motion:
+    signals = part.signals
+    pose = part.pose.copy() if mapping.pose else None
+    if YAW_RATE in signals:
+        rate = signals[YAW_RATE].to_numpy()
+    else:
+        yaw, window_s = part.pose[:, 2], _SLOPE_S
+        if not np.isfinite(yaw).all():
+            way = _slope(part.pose[:, :2], _COURSE_S, mapping.period_s)
+            yaw, window_s = np.unwrap(np.arctan2(way[:, 1], way[:, 0])), _COURSE_S
+        rate = _slope(yaw, window_s, mapping.period_s)
+        rate = np.where(signals[VX] < STANDING_MPS, 0.0, rate)
+    ay = next((n for n in signals if mapping.quantity(n) is Quantity.LATERAL_ACCELERATION), None)
+    steer = mapping.name_of(Quantity.STEERING)
+    ratio = 1.0 if steer and steer.startswith("road_wheel") else car.steering_ratio
+    return Motion(
+        log,
+        signals[VX].to_numpy(),
+        rate,
+        pose,
+        None if ay is None else signals[ay].to_numpy(),
+        None if steer is None else signals[steer].to_numpy() / ratio,
+    )
+
+
+def _slope(values: Array, window_s: float, period_s: float) -> Array:
+    """Slope (T, ...) of a parabola through the window around each sample."""
+    width = min(2 * round(0.5 * window_s / period_s) + 1, len(values) - 1 + len(values) % 2)
+    if width < 3:
+        return np.zeros_like(values)
+    return np.asarray(savgol_filter(values, width, 2, deriv=1, delta=period_s, axis=0))
+
+
+def _estimate(
+    motions: Sequence[Motion], drives: Sequence[LoggedDrive], mapping: LogMapping, car: Car
+) -> Estimate:
+    """By the first way that all logs have the signals for."""
+    known, period_s, first = mapping.car, mapping.period_s, motions[0]
+    tau, q = (known.rear_slip_s2_per_m, known.yaw_inertia_m) if known else (None, None)
+    b = car.rear_axle_m
+    prior = RearAxle(b, tau or 0.005, 0.85 * b if q is None else q)
+    spread = np.array([0.03 if known else _UNKNOWN_M, 3e-3, 0.4])
+    if tau is not None:
+        spread[1:] = 0.1 * tau, 0.1
+    if first.pose is not None:
+        step_s = max(series.usual_step_s for drive in drives for series in drive.poses)
+        return by_pose(motions, period_s, prior, spread, max(1, round(step_s / period_s)))
+    if first.ay_mps2 is not None:
+        return by_acceleration(motions, period_s, prior, spread)
+    if tau is not None:
+        motions = [motion._replace(wheel_rad=None) for motion in motions]
+    return by_yaw_rate(motions, period_s, prior, spread, car.wheelbase_m)
+
+
+def _completed(
+    part: LogEpisode, motion: Motion, estimate: Estimate, i: int, mapping: LogMapping
+) -> LogEpisode:
+    vx, vy, rate = motion.vx_mps, estimate.vy_mps[i], motion.yaw_rate
+    signals = part.signals.assign(**{VY: vy, YAW_RATE: rate})
+    pose = part.pose
+    if motion.pose is not None and not np.isfinite(pose[:, 2]).all():
+        pose = np.column_stack([pose[:, :2], estimate.yaw_rad[i]])
+    elif motion.pose is None and mapping.places_roads:
+        dt = mapping.period_s
+        yaw = cumulative_trapezoid(rate, dx=dt, initial=0.0)
+        east, north = vx * np.cos(yaw) - vy * np.sin(yaw), vx * np.sin(yaw) + vy * np.cos(yaw)
+        x, y = (cumulative_trapezoid(each, dx=dt, initial=0.0) for each in (east, north))
+        pose = np.column_stack([x, y, yaw])
+    return replace(part, signals=signals, pose=pose)
