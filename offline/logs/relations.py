@@ -66,6 +66,8 @@ class Pair(NamedTuple):
     lag_s: Lag
     """of the response"""
     least_agreement: float = -inf
+    without: str = ""
+    """signal whose use is left out: the brake, which slows a car while its throttle still closes"""
 
     @property
     def relation(self) -> relations.Relation:
@@ -79,6 +81,8 @@ class Pair(NamedTuple):
 def _integrals(pair: Pair, signals: relations.Signals) -> tuple[Array, Array]:
     """Of cause and response while the car drives."""
     driving = 0.0 * signals.get(relations.VX, np.zeros(1))  # NaN of a slow car
+    if pair.without in signals:
+        driving = np.where(signals[pair.without] == 0.0, driving, np.nan)
     products = (np.prod([signals[name] for name in names], axis=0) for names in pair[:2])
     cause, response = (relations.integrals(each + driving, relations.SHORT) for each in products)
     return cause, response
@@ -88,11 +92,12 @@ def _pairs(mapping: LogMapping, names: Sequence[str]) -> list[Pair]:
     """The pairs of these tracks."""
     quantities = (Quantity.SPEED, Quantity.YAW_RATE, Quantity.STEERING)
     speed, yaw_rate, steer = (mapping.name_of(each) or "" for each in quantities)
+    drive, brake = (mapping.name_of(each) or "" for each in (Quantity.DRIVE, Quantity.BRAKE))
     causes = (speed, steer) if speed else (steer,)
     pairs = [
         Pair(causes, (yaw_rate or _POSE_YAW_RATE,), STEERING),
-        Pair((mapping.name_of(Quantity.DRIVE) or "",), (_GAINED + speed,), PEDAL),
-        Pair((mapping.name_of(Quantity.BRAKE) or "",), (_GAINED + speed,), PEDAL),
+        Pair((drive,), (_GAINED + speed,), PEDAL, without=brake),
+        Pair((brake,), (_GAINED + speed,), PEDAL),
         Pair((_POSE_YAW_RATE,), (yaw_rate,), SAME_MOTION),
         Pair((_POSE_SPEED,), (speed,), SAME_MOTION),
     ]
