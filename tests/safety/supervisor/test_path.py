@@ -70,6 +70,8 @@ def test_without_a_state_a_curvature_ahead_is_rejected_if_it_jumps_and_not_estim
 
 @pytest.mark.parametrize("ticks", [1, 3])
 def test_an_implausible_curvature_ahead_is_used_in_a_stop_at_most(ticks):
+    car = driven(ticks, (), preview=RAMP)
+    assert None not in {qualified.preview for qualified in car.qualified}
     car = driven(ticks, (), preview=RAMP, disturb=implausible)
     assert {qualified.preview for qualified in car.qualified} == {None}
     car.is_stopping = True

@@ -21,8 +21,11 @@ BRAKED = ControlInput(0.0, 20.0, 0.0)
 
 
 def moving(**arguments: object) -> WatchedCar:
-    """A car that turns against its road, and moves across it."""
-    return driven(20, curvature_per_m=0.002, epsi_rad=0.02, **arguments)
+    """A car that turns against its road, and moves across it with a lateral speed of its own."""
+    car = WatchedCar(curvature_per_m=0.002, epsi_rad=0.02, **arguments)
+    car.state = car.state._replace(vy_mps=0.1)
+    car.tick(20)
+    return car
 
 
 def sampled(late_s, longer_s, is_stamped=True, is_late=True):

@@ -245,7 +245,10 @@ def test_the_course_of_a_car_in_a_bend_counts_and_not_its_heading(epsi_rad, vy_m
 def test_a_stop_brakes_hard_if_state_or_path_is_lost(signals, braking):
     car = driven(5)
     car.disturb = lambda received: replace(received, **signals)
-    assert car.supervisor.braking(car.tick(), 0.0, False, 1.0) == braking
+    estimate = car.tick()
+    assert car.supervisor.braking(estimate, 0.0, False, 1.0) == braking
+    beside = car.supervisor.braking(estimate, 1.5, False, 1.0)  # a turn takes its share of the grip
+    assert beside.most_n < braking.most_n
 
 
 @pytest.mark.parametrize("side", [-1.0, 1.0])
