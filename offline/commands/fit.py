@@ -2,6 +2,7 @@
 
 import json
 from functools import partial
+from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
@@ -108,10 +109,15 @@ def fit(
         before, after = judge(base, held_out), judge(result.car, held_out)
     figures = estimate_figures(result, base)
     print_table(estimate_table(figures, result.windows), STDOUT)
-    judged = ("yaw rate, RMS error over RMS", "speed within 10 s, RMS error over range")
+    judged = (
+        "yaw rate, RMS error over RMS",
+        "lateral speed, RMS error over RMS",
+        "speed within 10 s, RMS error over range",
+    )
     rows = [
         Fact(name, f"{new:.2f} %, before the fit {old:.2f} %")
-        for name, new, old in zip(judged, after[:2], before[:2], strict=True)
+        for name, new, old in zip(judged, after[:3], before[:3], strict=True)
+        if isfinite(new)
     ]
     print_table(facts_table(rows, f"held-out drives, {after.judged_s:.0f} s"), STDOUT)
     source = f"fitted by offline-fit to {data.resolve().name}, SHA-256 {dataset.sha256:.16}"
@@ -151,16 +157,16 @@ def estimate_figures(result: "CarFit", base: "Parameters") -> list[Figure]:
 
     figures = []
     for each in result.estimates:
-        remark = "" if each.is_told else "not told by these logs"
+        remark = "" if each.is_told else "not told"
         if each.is_told and each.is_at_bound:
-            remark = "at the bound of the fit"
+            remark = "at the bound"
         name, of_base = each.parameter.name, each.parameter.of(base)
         figures.append(Figure(name, of_base, *each.interval(base), remark))
     halves = half_width_of(result, base, lambda car: np.array(axle_stiffnesses_npr(car)))
     found = zip(axle_stiffnesses_npr(base), axle_stiffnesses_npr(result.car), halves, strict=True)
     for name, (before, after, half) in zip(("front", "rear"), found, strict=True):
         ends = after, after - float(half), after + float(half)
-        figures.append(Figure(f"axle_stiffness_{name}_npr", before, *ends, "follows from these"))
+        figures.append(Figure(f"axle_stiffness_{name}_npr", before, *ends, "derived"))
     return figures
 
 
@@ -172,17 +178,23 @@ def estimate_table(figures: list[Figure], windows: int) -> "Table":
         Column("parameter", is_text=True),
         Column("before"),
         Column("fitted"),
-        Column("95 % from"),
-        Column("to"),
+        Column("± (95 %)"),
         Column("remark", is_text=True),
     )
     rows = tuple(
-        (each.name, *(format_number(number) for number in each[1:5]), each.remark)
+        (
+            each.name,
+            format_number(each.base),
+            format_number(each.value),
+            format_number(0.5 * (each.high - each.low), 2),
+            each.remark,
+        )
         for each in figures
     )
     notes = (
         f"{windows} windows of the training drives. The unit ends the name; without one the number "
-        f"is dimensionless. A parameter that is not told stays as before.",
+        f"is dimensionless. What these logs do not tell stays as before; axle stiffnesses are "
+        f"derived from the other numbers.",
     )
     return Table("fitted car", columns, rows, notes)
 
@@ -214,19 +226,19 @@ def draw(car: "Parameters", drives: "list[Drive]", file: Path) -> None:
     from rt_controller.report.canvas import FAINT, add_legend, empty_figure
 
     windows = windows_of(car, drives, JUDGE_S, 12)
-    figure, axes = empty_figure(2, 1, 6.0, sharex=True)
+    figure, axes = empty_figure(3, 1, 8.0, sharex=True)
+    factors = 3.6, 1.0, np.degrees(1.0)
     for k, window in enumerate(windows):
         drive = window.drive
         time_s = JUDGE_S * k + drive.period_s * np.arange(window.end - window.begin)
         measured = drive.measured[window.begin : window.end]
-        pairs = zip(axes, measured.T, simulated(car, window).T, (3.6, np.degrees(1.0)), strict=True)
+        names = ("", "") if k else ("measured", "simulated")
+        pairs = zip(axes, measured.T, simulated(car, window).T, factors, strict=True)
         for axis, real, ours, factor in pairs:
-            axis.plot(time_s, factor * real, color=FAINT, lw=4.0, label="" if k else "measured")
-            axis.plot(
-                time_s, factor * ours, color="#2f6fb3", lw=1.0, label="" if k else "simulated"
-            )
-    axes[0].set_ylabel("v_x / km/h")
-    axes[1].set_ylabel("yaw rate / deg/s")
-    axes[1].set_xlabel(f"windows of {JUDGE_S:g} s, one after the other / s")
+            axis.plot(time_s, factor * real, color=FAINT, lw=4.0, label=names[0])
+            axis.plot(time_s, factor * ours, color="#2f6fb3", lw=1.0, label=names[1])
+    for axis, text in zip(axes, ("v_x / km/h", "v_y / m/s", "yaw rate / deg/s"), strict=True):
+        axis.set_ylabel(text)
+    axes[-1].set_xlabel(f"windows of {JUDGE_S:g} s, one after the other / s")
     add_legend(figure, axes[0])
     figure.savefig(file)

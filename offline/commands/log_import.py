@@ -120,6 +120,7 @@ def import_logs(
                 text,
                 len(episodes),
                 mapping.split.seed,
+                accuracy and accuracy.std_mps,
             ),
             car=car,
             rejected=sum(len(cut.left_out) for cut in cuts),

@@ -69,6 +69,8 @@ class Imported:
     """stretches without a gap"""
     seed: int
     """of the split into parts"""
+    lateral_speed_std_mps: float | None = None
+    """standard deviation of a lateral speed that was estimated; None: it was measured"""
 
 
 Origin = Simulated | Imported

@@ -1,9 +1,9 @@
 """Fit of the simulated car to recorded drives: windows, least squares, intervals, judgement.
 
-A window begins with the measured speed and yaw rate; pedals and steering wheel of the recording
-drive the car to its end, without feedback. What is not measured at the start (slips, engine, gear,
-brake pressure) comes from a drive before it in which speed and yaw rate are kept at the measured
-ones.
+A window begins with the measured speed, lateral speed and yaw rate; pedals and steering wheel of
+the recording drive the car to its end, without feedback. What is not measured at the start (slips,
+engine, gear, brake pressure) comes from a drive before it in which these three are kept at the
+measured ones.
 
 The residuals within a window are correlated: a wrong start or an unmodelled slope acts to its end.
 So the covariance is that of whole windows (White, Econometrica 48, 1980, for clusters).
@@ -12,7 +12,7 @@ So the covariance is that of whole windows (White, Econometrica 48, 1980, for cl
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from math import ceil, log, nan
+from math import ceil, isfinite, log, nan
 from typing import NamedTuple
 
 import numpy as np
@@ -32,16 +32,19 @@ from sim_bridge.plant.parameters import Parameters
 from sim_bridge.plant.protocol import FASTEST_START_MPS
 from sim_bridge.plant.states import AT, N_WHEELS
 
-SIGNALS = ("vx_mps", "yaw_rate_radps")
+SIGNALS = ("vx_mps", "vy_mps", "yaw_rate_radps")
 """states that are compared, in the order of the columns here"""
 FIT_S, JUDGE_S, LEAD_S = 5.0, 10.0, 1.0
 """length of a window of the fit, of the judgement, and of the drive before a window"""
 LEAST_WINDOWS = 6
+LARGEST_STD_MPS = 0.03
+"""of an estimated lateral speed that is compared; a less exact one comes from the yaw rate, and
+tells nothing more"""
 _FEW = 15
 """windows with which the fit begins"""
 _LEAST_SPEED_MPS = 3.0
 _HISTORY_S, _SMOOTHING_S, _LARGEST_STEP_S = 4.0, 0.5, 0.002
-_FIRST_SCALES = np.array([0.3, 0.01])
+_FIRST_SCALES = np.array([0.3, 0.03, 0.01])
 """errors that count equally in the first fit; the second takes the RMS errors that remain"""
 _STEP = 5e-3
 _PRIOR = 1.0
@@ -57,9 +60,9 @@ class Drive:
     inputs: Array
     """(n, 3) as `ControlInput`, each held until the next sample"""
     measured: Array
-    """(n, 2) as `SIGNALS`"""
+    """(n, 3) as `SIGNALS`; NaN: not measured"""
     smooth: Array
-    """(n, 2), with less noise, for the starts"""
+    """(n, 3), with less noise, for the starts"""
     period_s: float
 
     @property
@@ -104,8 +107,9 @@ class Estimate:
 
     def interval(self, base: Parameters) -> tuple[float, float, float]:
         """Value, and low and high end of its 95 % interval; NaN if it is not told."""
-        ends = (0.0, -self.half_width, self.half_width)
-        value, low, high = (self.parameter.value(base, self.coordinate + each) for each in ends)
+        ends = self.coordinate + np.array((0.0, -self.half_width, self.half_width))
+        inside = np.clip(ends, *self.parameter.bounds(base)).tolist()
+        value, low, high = (self.parameter.value(base, each) for each in inside)
         return value, low, high
 
 
@@ -127,6 +131,8 @@ class Judgement(NamedTuple):
 
     yaw_rate_error_percent: float
     """RMS error over RMS"""
+    lateral_speed_error_percent: float
+    """likewise; NaN if it is not measured"""
     speed_error_percent: float
     """RMS error over the range of the measured speed"""
     judged_s: float
@@ -136,15 +142,17 @@ def drives_of(dataset: Dataset, parts: Sequence[Part]) -> list[Drive]:
     """The episodes of these parts.
 
     Raises:
-        DatasetError: a signal is missing, or the period is not a multiple of 1 ms.
+        DatasetError: a signal other than the lateral speed is missing, or the period is not a
+            multiple of 1 ms.
     """
     schema, recording = dataset.schema, dataset.recording
+    speed, lateral, yaw_rate = SIGNALS
     inputs = tuple(signal.name for signal in VEHICLE.inputs)
-    missing = [name for name in SIGNALS if name not in schema.state_names]
+    missing = [name for name in (speed, yaw_rate) if name not in schema.state_names]
     missing += [name for name in inputs if name not in schema.input_names]
     if missing:
         raise DatasetError(
-            f"expected a data set with {', '.join((*SIGNALS, *inputs))}, found one without "
+            f"expected a data set with {', '.join((speed, yaw_rate, *inputs))}, found one without "
             f"{', '.join(missing)}. Name the columns in the mapping of offline-import."
         )
     periods = schema.dt_s / STEP_S
@@ -153,8 +161,11 @@ def drives_of(dataset: Dataset, parts: Sequence[Part]) -> list[Drive]:
             f"expected a period of whole milliseconds, found {1e3 * schema.dt_s:g} ms. Import the "
             f"logs with another period."
         )
+    std_mps = getattr(dataset.origin, "lateral_speed_std_mps", None) or 0.0
+    is_compared = lateral in schema.state_names and std_mps <= LARGEST_STD_MPS
+    names = (speed, lateral if is_compared else speed, yaw_rate)
     columns = [schema.input_names.index(name) for name in inputs]
-    states = [schema.state_names.index(name) for name in SIGNALS]
+    states = [schema.state_names.index(name) for name in names]
     drives = []
     for part in parts:
         for episode in dataset.episodes(part):
@@ -162,7 +173,9 @@ def drives_of(dataset: Dataset, parts: Sequence[Part]) -> list[Drive]:
             rows = slice(first, first + int(recording.lengths[episode]))
             measured = recording.x[rows][:, states].astype(float)
             size = 2 * round(0.5 * _SMOOTHING_S / schema.dt_s) + 1
-            smooth = savgol_filter(measured, size, 3, axis=0) if size > 4 else measured
+            smooth = savgol_filter(measured, size, 3, axis=0) if size > 4 else measured.copy()
+            if not is_compared:
+                measured[:, 1] = smooth[:, 1] = nan
             drives.append(
                 Drive(recording.u[rows][:, columns].astype(float), measured, smooth, schema.dt_s)
             )
@@ -208,35 +221,38 @@ def _begins(drive: Drive, length_s: float) -> list[int]:
 def _follow(
     state: Array, car: Parameters, record: Array, drive: Drive, begin: int, end: int
 ) -> None:
-    """Drive to row `end` with speed and yaw rate set to the measured ones at each row, in place."""
+    """Drive to row `end` with the motion set to the measured one at each row, in place."""
     motion = np.empty((drive.steps_per_period, 3))
     spin = slice(AT.spin_radps, AT.spin_radps + N_WHEELS)
     for row in range(begin, end + 1):
-        speed_mps, yaw_rate_radps = drive.smooth[row]
+        speed_mps, vy_mps, yaw_rate_radps = drive.smooth[row]
         # The wheels turn faster by as much, so their slips remain.
         state[spin] += (speed_mps - state[AT.vx_mps]) / car.tyre.rolling_radius_m
         state[AT.vx_mps], state[AT.yaw_rate_radps] = speed_mps, yaw_rate_radps
+        if isfinite(vy_mps):
+            state[AT.vy_mps] = vy_mps
         if row < end:
             control = ControlInput(*drive.inputs[row].tolist())
             advance(state, control, record, len(motion), drive.step_s, motion)
 
 
 def simulated(car: Parameters, window: Window) -> Array:
-    """(end - begin, 2) speed and yaw rate of the car, as `SIGNALS`."""
+    """(end - begin, 3) motion of the car, as `SIGNALS`."""
     drive, state = window.drive, window.state.copy()
     lead = drive.periods(LEAD_S)
     _follow(state, car, car_record(car), drive, window.begin - lead, window.begin)
     inputs = drive.inputs[window.begin : window.end - 1]
     motion, _ = simulate(state, inputs, car, drive.steps_per_period, drive.step_s)
-    return motion[:: drive.steps_per_period, [0, 2]]
+    return motion[:: drive.steps_per_period]
 
 
 def errors_of(pool: ThreadPoolExecutor, car: Parameters, windows: Sequence[Window]) -> list[Array]:
-    """(n, 2) simulated less measured, for each window; a car that has spun off is far away."""
+    """(n, 3) simulated less measured, for each window; a car that has spun off is far away."""
 
     def error(window: Window) -> Array:
-        found = simulated(car, window) - window.drive.measured[window.begin : window.end]
-        return np.clip(np.nan_to_num(found, nan=1e2), -1e2, 1e2)
+        measured = window.drive.measured[window.begin : window.end]
+        found = np.nan_to_num(simulated(car, window), nan=1e2) - measured
+        return np.clip(np.nan_to_num(found), -1e2, 1e2)
 
     return list(pool.map(error, windows))
 
@@ -312,7 +328,7 @@ class _Solution(NamedTuple):
     at: Array
     """(p,) coordinates of all parameters"""
     scales: Array
-    """(2,) RMS errors"""
+    """(3,) RMS errors"""
     jacobian: Array
     """(r, m) of the m fitted ones; the last m rows are those of the prior"""
     residuals: Array
@@ -361,7 +377,7 @@ class _Problem:
         self._bounds = np.array([each.bounds(base) for each in parameters])
 
     def errors(self, at: Array) -> Array:
-        """(W, n, 2) errors of the car with these coordinates."""
+        """(W, n, 3) errors of the car with these coordinates."""
         car = car_with(self._base, self._parameters, at)
         return np.array(errors_of(self._pool, car, self._windows))
 
@@ -394,10 +410,8 @@ class _Problem:
         found = least_squares(
             residuals, inside, jacobian, (low, high), ftol=1e-4, xtol=1e-4, max_nfev=iterations
         )
-        errors = self.errors(whole(found.x))
-        return _Solution(
-            whole(found.x), np.sqrt(np.mean(np.square(errors), axis=(0, 1))), found.jac, found.fun
-        )
+        rms = np.sqrt(np.mean(np.square(self.errors(whole(found.x))), axis=(0, 1)))
+        return _Solution(whole(found.x), np.where(rms > 0.0, rms, 1.0), found.jac, found.fun)
 
 
 def judge(car: Parameters, drives: Sequence[Drive]) -> Judgement:
@@ -415,9 +429,11 @@ def judge(car: Parameters, drives: Sequence[Drive]) -> Judgement:
     with ThreadPoolExecutor() as pool:
         errors = np.array(errors_of(pool, car, windows))
     measured = np.array([window.drive.measured[window.begin : window.end] for window in windows])
-    speed_rms, yaw_rms = np.sqrt(np.mean(np.square(errors), axis=(0, 1)))
+    wrong, size = (np.sqrt(np.mean(np.square(each), axis=(0, 1))) for each in (errors, measured))
+    speed, lateral, yaw_rate = (100.0 * wrong / (np.ptp(measured[..., 0]), *size[1:])).tolist()
     return Judgement(
-        100.0 * float(yaw_rms / np.sqrt(np.mean(np.square(measured[..., 1])))),
-        100.0 * float(speed_rms / np.ptp(measured[..., 0])),
+        yaw_rate,
+        lateral,
+        speed,
         JUDGE_S * len(windows),
     )

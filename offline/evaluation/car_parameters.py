@@ -138,12 +138,12 @@ def _with_motor_speeds(car: Parameters, factor: float) -> Parameters:
 
 FITTED: tuple[Fitted, ...] = (
     _field("steering", "ratio", 0.4, 2.5),
-    Fitted("steering_lag_s", _steering_lag_s, _with_steering_lag, 0.2, 30.0),
+    Fitted("steering_lag_s", _steering_lag_s, _with_steering_lag, 0.004, 0.25, scale=0.02),
     _field("tyre", "cornering_stiffness_npr", 0.3, 4.0),
     _field("suspension", "lateral_steer_front_radpn", -8e-6, 8e-6, scale=1e-6),
-    _field("suspension", "roll_steer_rear", -0.3, 0.4, scale=0.1),
+    _field("suspension", "lateral_steer_rear_radpn", -8e-6, 8e-6, scale=1e-6),
     _field("tyre", "lateral_friction", 0.5, 2.0),
-    _field("tyre", "lateral_relaxation_m", 0.1, 4.0),
+    _field("tyre", "lateral_relaxation_m", 0.06, 2.5, scale=0.3),
     _field("body", "yaw_inertia_kgm2", 0.5, 2.0),
     _field("aero", "drag", 0.2, 5.0),
     _field("tyre", "rolling_resistance", 0.1, 8.0),
@@ -152,11 +152,11 @@ FITTED: tuple[Fitted, ...] = (
     Fitted("pedal_exponent", lambda car: 1.0, _with_pedal_exponent, 0.4, 2.5),
     Fitted("motor_speed_factor", lambda car: 1.0, _with_motor_speeds, 0.3, 3.0, needs="motor"),
     Fitted("released_torque_nm", _released_nm, _with_released_nm, 0.1, 5.0),
-    _field("engine", "throttle_lag_s", 0.1, 10.0, needs="engine"),
-    _field("motor", "lag_s", 0.1, 20.0, needs="motor"),
+    _field("engine", "throttle_lag_s", 0.01, 0.8, scale=0.05, needs="engine"),
+    _field("motor", "lag_s", 0.01, 0.8, scale=0.05, needs="motor"),
     _field("brakes", "pedal_mpa_per_n", 0.2, 5.0),
     _field("brakes", "knee_mpa", 0.1, 8.0),
-    _field("brakes", "lag_s", 0.1, 10.0),
+    _field("brakes", "lag_s", 0.01, 0.8, scale=0.05),
 )
 """order in which they are put into the base car: the pedal before the torques"""
 
