@@ -144,8 +144,10 @@ def fit(
 
 def _known_geometry(dataset: "Dataset") -> "SteeringGeometry | None":
     """That of [car] in the mapping; None if it says nothing about it."""
-    geometry = dataset.manifest.geometry
-    return None if geometry is None or geometry[:3] == DEFAULT_GEOMETRY[:3] else geometry
+    geometry, default = dataset.manifest.geometry, DEFAULT_GEOMETRY
+    if geometry is None or geometry.wheelbase_m == default.wheelbase_m:
+        return None  # its rear axle may be one that offline-import has estimated
+    return geometry
 
 
 def estimate_figures(result: "CarFit", base: "Parameters") -> list[Figure]:
