@@ -95,7 +95,8 @@ def export_run(
 
     run = open_run(path)
     checkpoint = load_checkpoint(run.best)
-    dataset = load_dataset(data or run.data_folder)
+    data = data or run.data_folder
+    dataset = load_dataset(data)
     first_model = _find_first_model(checkpoint.config.init)
     bundle, checks = export_checkpoint(checkpoint, dataset, first_model=first_model)
     facts = [
@@ -112,7 +113,7 @@ def export_run(
         *(Fact(f"version of {name}", number) for name, number in run.versions.items()),
     ]
     bundle = bundle if name is None else replace(bundle, name=name)
-    return _deliver(bundle, checks, facts, dataset, output or run.bundle, is_tried)
+    return _deliver(bundle, checks, facts, dataset, data, output or run.bundle, is_tried)
 
 
 def _find_first_model(name: str | None) -> "Bundle | None":
@@ -164,7 +165,7 @@ def export_baseline(
         fitted: Any = fit(baseline, dataset)
     bundle = to_bundle(name or baseline, fitted, dataset, choose_selftest(dataset, whole_past))
     checks = check_export(bundle, dataset)
-    return _deliver(bundle, checks, fitted.fit_info(), dataset, output, is_tried)
+    return _deliver(bundle, checks, fitted.fit_info(), dataset, folder, output, is_tried)
 
 
 def _deliver(
@@ -172,6 +173,7 @@ def _deliver(
     checks: "ExportFigures",
     facts: "Sequence[Fact]",
     dataset: "Dataset",
+    folder: Path,
     target: Path,
     is_tried: bool,
 ) -> dict[str, Any]:
@@ -213,13 +215,15 @@ def _deliver(
     STDOUT.print(f"{car.name}: {car.value}\ntrial: {trial}", soft_wrap=True)
     print_table(mse_table(comparison, comparison.sets[0]), STDOUT)
     objection = find_objection_to_driving(bundle)
-    plant = f"--plant model:{target} " if isinstance(origin, Imported) else ""
-    STDOUT.print(
-        f"Drive with it:\n  rt-controller --bus virtual {plant}--model {target}"
-        if objection is None
-        else objection,
-        soft_wrap=True,
-    )
+    drive = f"rt-controller --bus virtual --model {target}"
+    steps = f"Drive with it:\n  {drive}"
+    if isinstance(origin, Imported):
+        steps = (
+            f"A quick look, with the model as the car too:\n  {drive} --plant model:{target}\n"
+            f"Better, a car that is fitted to the logs, two minutes:\n"
+            f"  offline-fit {folder} fitted.toml"
+        )
+    STDOUT.print(steps if objection is None else objection, soft_wrap=True, highlight=False)
     persistence = checks.persistence_over_model.tolist()
     boxes = checks.stability._asdict()
     return {

@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 from cyclopts import Parameter
 from pydantic import Field
 
-from offline.commands.options import JsonFile
+from offline.commands.options import LATEST_RUN, JsonFile
 from offline.commands.terminal import STDERR, STDOUT
 from rt_controller.contract.errors import ConfigError, require_packages
 from rt_controller.contract.figures import require_writable, write_figures
 from rt_controller.contract.limits import DEFAULT_GEOMETRY
 from rt_controller.terminal.command_line import new_app, run_command
-from sim_bridge.plant.shipped_cars import DEFAULT_CAR
+from sim_bridge.plant.shipped_cars import DEFAULT_CAR, shipped_cars
 
 if TYPE_CHECKING:
     from offline.data.dataset import Dataset
@@ -23,6 +23,9 @@ if TYPE_CHECKING:
     from rt_controller.contract.limits import SteeringGeometry
     from rt_controller.report.table import Table
     from sim_bridge.plant.parameters import Parameters
+
+FAR_OFF_PERCENT = 3.0
+"""error of the speed of a car whose drive is not that of the logs"""
 
 app = new_app(
     "offline-fit",
@@ -134,9 +137,19 @@ def fit(
             "held_out_before": before._asdict(),
         },
     )
+    if after.speed_error_percent > FAR_OFF_PERCENT:
+        others = [f"--car {each}" for each in shipped_cars() if each != car]
+        STDOUT.print(
+            f"note: the speed is far off. A car with another engine or motor may fit better: "
+            f"{', '.join(others)}.",
+            soft_wrap=True,
+            highlight=False,
+        )
     STDOUT.print(
         f"{fitted}\nNext, a drive of the model on this car:\n"
-        f"  rt-controller --bus virtual --car {fitted} --model runs/latest/bundle",
+        f"  rt-controller --bus virtual --car {fitted} --model {LATEST_RUN / 'bundle'}\n"
+        f"Then the bus or a log of the real car (docs/own-car.md):\n"
+        f"  rt-controller signals check MAPPING LOG",
         soft_wrap=True,
         highlight=False,
     )

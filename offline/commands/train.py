@@ -152,6 +152,7 @@ def _run(
     checkpoint: "Checkpoint | None" = None,
 ) -> tuple[dict[str, Any], int]:
     """Figures, and the exit code: 0 at the last step, 130 if stopped before."""
+    from offline.data.manifest import Imported
     from offline.training.train import train as run_algorithm
 
     STDERR.print(f"run {run.path}\ndata {run.data_folder}", soft_wrap=True)
@@ -195,10 +196,11 @@ def _run(
             soft_wrap=True,
         )
         return figures, INTERRUPTED
+    name = f" --name {run.data_folder.name}" if isinstance(dataset.origin, Imported) else ""
     early = "" if result.step >= run.config.steps else ", because the learning rate is too low"
     STDOUT.print(
         f"Done after {result.step} steps in {wall_s:.0f} s{early}; best validation loss "
-        f"{result.best_validation_loss:.4f}. Next:\n  offline-export {run.path}",
+        f"{result.best_validation_loss:.4f}. Next:\n  offline-export {run.path}{name}",
         soft_wrap=True,
     )
     return figures, 0
