@@ -6,7 +6,6 @@ averaged under the same draws, and so are ratios of two models.
 Efron and Tibshirani, An Introduction to the Bootstrap (1993), chapters 6 and 13.
 """
 
-from collections.abc import Iterator
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -18,10 +17,6 @@ from rt_controller.contract.arrays import Array
 RESAMPLES = 2_000
 CONFIDENCE = 0.95
 SEED = 46
-_ROWS = 128
-"""draws computed at once: all of them need 40 MB for 2,400 values"""
-_ROUNDING = 1e-9
-"""0.9 * 10 is slightly above 9 in binary; with this tolerance the rank is 9"""
 Episodes = NDArray[np.integer]
 
 
@@ -60,53 +55,6 @@ def mean_draws(values: Array, episode: Episodes) -> Array:
     means = weights @ np.where(finite, total, 0.0) / summands[:, None]
     means[:, ~finite.all(axis=0)] = np.inf
     return means.reshape(len(weights), *values.shape[1:])
-
-
-def quantile_draws(values: Array, episode: Episodes, shares: tuple[float, ...]) -> Array:
-    """Quantiles (1 + R, S, ...) of values (N, ...): of the sample, then of each resample.
-
-    The quantile of a share is the smallest value with at least that share at or below it.
-    """
-    flat = values.reshape(len(values), -1)
-    found = np.empty((len(_weights(_count(episode))), len(shares), flat.shape[1]))
-    for i, column in enumerate(flat.T):
-        order = np.argsort(column)
-        for rows, _, counted in _drawn(episode, order):
-            for s, share in enumerate(shares):
-                wanted = np.ceil(share * counted[:, -1:] - _ROUNDING)
-                found[rows, s, i] = column[order][np.argmax(counted >= wanted, axis=1)]
-    return found.reshape(len(found), len(shares), *values.shape[1:])
-
-
-def tail_draws(values: Array, episode: Episodes, share: float) -> Array:
-    """Part (1 + R, n) of the sum of values (N, n) that the largest of them have.
-
-    These are the share of the values, rounded up: of the sample, then of each resample. NaN if the
-    sum is not finite or zero.
-    """
-    found = np.empty((len(_weights(_count(episode))), values.shape[1]))
-    for i, column in enumerate(values.T):
-        order = np.argsort(column)[::-1]
-        for rows, drawn, counted in _drawn(episode, order):
-            wanted = np.ceil(share * counted[:, -1:] - _ROUNDING)
-            largest = np.clip(wanted - (counted - drawn), 0.0, drawn)
-            with np.errstate(invalid="ignore"):
-                found[rows, i] = (largest @ column[order]) / (drawn @ column[order])
-    return found
-
-
-def _drawn(episode: Episodes, order: NDArray[np.integer]) -> Iterator[tuple[slice, Array, Array]]:
-    """How often each value counts (rows, N), in that order, and the sum so far; some rows each."""
-    _, member = np.unique(episode, return_inverse=True)
-    weights = _weights(_count(episode))
-    for first in range(0, len(weights), _ROWS):
-        rows = slice(first, first + _ROWS)
-        drawn = weights[rows][:, member[order]]
-        yield rows, drawn, np.cumsum(drawn, axis=1)
-
-
-def _count(episode: Episodes) -> int:
-    return len(np.unique(episode))
 
 
 @lru_cache(maxsize=8)

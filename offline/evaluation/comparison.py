@@ -9,19 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from offline.evaluation.bootstrap import (
-    CONFIDENCE,
-    RESAMPLES,
-    SEED,
-    estimate,
-    mean_draws,
-    quantile_draws,
-)
+from offline.evaluation.bootstrap import CONFIDENCE, RESAMPLES, SEED, estimate, mean_draws
 from offline.evaluation.metrics import (
-    LARGEST_RATIO_ON_NEW_ROADS,
-    MARKED_STEPS,
-    SHARES,
-    WORST_SHARE,
     Figures,
     StateUnit,
     TrajectoryErrors,
@@ -33,7 +22,7 @@ from offline.evaluation.metrics import (
 )
 from offline.evaluation.predictor import Predictor
 from offline.evaluation.series import Series
-from offline.evaluation.test_sets import LIBRARY, NEW_ROADS, TestSet
+from offline.evaluation.test_sets import LIBRARY, TestSet
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.signals import Schema
 
@@ -44,8 +33,6 @@ LTI_BASELINES = ("lti", "lti-per-curvature")
 
 LINEAR = "linear"
 """class of the baselines whose best one is named for each set and slice"""
-
-SHARE_KEYS = tuple(f"p{100 * share:g}" for share in SHARES)
 
 ErrorsByName = Mapping[str, TrajectoryErrors]
 """of models and baselines on the same trajectories"""
@@ -113,7 +100,7 @@ def compare_models(
             by_step, errors[test.name][name] = errors_on(model, test, columns)
             if test.name == LIBRARY:
                 steps = by_step.shape[1]
-                details[name] = _of_steps(by_step, test, columns, schema.dt_s)
+                details[name] = _of_steps(by_step, test, columns)
     linear = [name for name in baselines if classes.get(name) == LINEAR]
     tree = _Tree(columns, tuple(models), tuple(baselines), linear, errors)
     figures = {
@@ -164,33 +151,15 @@ def library_figures(comparison: Comparison) -> Figures:
     return {**{key: library[key] for key in ("n_trajectories", "n_episodes")}, "models": models}
 
 
-def _of_steps(
-    errors: Array, test: TestSet, columns: Sequence[StateUnit], dt_s: float
-) -> dict[str, Figures]:
-    """RMS and quantiles of the absolute errors (N, K, n) of each step, and those after some."""
-    keys, episode = [column.key for column in columns], test.trajectories.episode
+def _of_steps(errors: Array, test: TestSet, columns: Sequence[StateUnit]) -> Figures:
+    """RMS of the absolute errors (N, K, n) of each step."""
     with np.errstate(over="ignore"):
-        rms = estimate(np.sqrt(mean_draws(np.square(errors), episode)))
-    quantiles = np.quantile(errors, SHARES, axis=0, method="inverted_cdf")
-    marked = [step for step in MARKED_STEPS if step <= errors.shape[1]]
-    draws = quantile_draws(errors[:, [step - 1 for step in marked]], episode, SHARES)
+        rms = estimate(np.sqrt(mean_draws(np.square(errors), test.trajectories.episode)))
     return {
-        "by_step": {
-            "rms": {
-                key: {part: values[:, i].tolist() for part, values in rms._asdict().items()}
-                for i, key in enumerate(keys)
-            },
-            "absolute_error": {
-                share: {key: quantiles[q, :, i].tolist() for i, key in enumerate(keys)}
-                for q, share in enumerate(SHARE_KEYS)
-            },
-        },
-        "absolute_error_quantiles": {
-            f"after_{step * dt_s:g}_s": {
-                share: by_key(estimate(draws[:, q, m]), keys) for q, share in enumerate(SHARE_KEYS)
-            }
-            for m, step in enumerate(marked)
-        },
+        "rms": {
+            column.key: {part: values[:, i].tolist() for part, values in rms._asdict().items()}
+            for i, column in enumerate(columns)
+        }
     }
 
 
@@ -204,8 +173,8 @@ class _Tree:
     linear: Sequence[str]
     errors: Mapping[str, ErrorsByName]
 
-    def of_set(self, test: TestSet, details: Mapping[str, Mapping[str, Figures]]) -> Figures:
-        """`details` of the steps, by model, are those of the library."""
+    def of_set(self, test: TestSet, by_step: Figures) -> Figures:
+        """`by_step`, by model, is that of the library."""
         errors, found = self.errors[test.name], dict[str, Figures]()
         for name, each in errors.items():
             rms = estimate(np.sqrt(each.mean_draws))
@@ -230,45 +199,9 @@ class _Tree:
                 for model in self.models
             },
         }
-        if test.name != LIBRARY:
-            growth = self._growth(errors)
-            figures["mse_over_library_mse"] = growth
-            if test.name == NEW_ROADS:
-                goal = LARGEST_RATIO_ON_NEW_ROADS
-                figures["goal"] = goal
-                figures["is_within_goal"] = {
-                    name: all(each[column.name]["value"] <= goal for column in self.columns)
-                    for name, each in growth.items()
-                }
-            return figures
-        for name, each in errors.items():
-            states = [column.name for column in self.columns]
-            found[name]["part_of_mse_of_worst_trajectories"] = by_key(each.worst_part(), states)
-            found[name]["mse_quantiles_over_trajectories"] = {
-                share: self._mse(each.quantile_draws[:, q]) for q, share in enumerate(SHARE_KEYS)
-            }
-        return {
-            **figures,
-            "worst_share": WORST_SHARE,
-            "baseline_mse_quantile_over_model_mse_quantile": {
-                model: {
-                    share: {
-                        name: ratios_of(
-                            errors[name].quantile_draws[:, q],
-                            errors[model].quantile_draws[:, q],
-                            self.columns,
-                        )
-                        for name in self.baselines
-                    }
-                    for q, share in enumerate(SHARE_KEYS)
-                }
-                for model in self.models
-            },
-            "absolute_error_quantiles": {
-                model: details[model]["absolute_error_quantiles"] for model in self.models
-            },
-            "by_step": {name: each["by_step"] for name, each in details.items()},
-        }
+        if test.name == LIBRARY:
+            return {**figures, "by_step": by_step}
+        return {**figures, "mse_over_library_mse": self._growth(errors)}
 
     def of_slice(self, errors: ErrorsByName) -> Figures:
         episode = next(iter(errors.values())).episode

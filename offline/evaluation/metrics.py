@@ -17,23 +17,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from offline.data.signals import Rows
-from offline.evaluation.bootstrap import Estimate, estimate, mean_draws, quantile_draws, tail_draws
+from offline.evaluation.bootstrap import Estimate, estimate, mean_draws
 from offline.evaluation.predictor import Predictor, prediction_errors
 from offline.evaluation.test_sets import TestSet
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.signals import Schema
-
-SHARES = (0.5, 0.9, 0.99)
-"""quantiles over the trajectories"""
-
-WORST_SHARE = 0.01
-"""of the trajectories: those with the largest errors"""
-
-MARKED_STEPS = (20, 40, 80)
-"""steps at which quantiles get an interval; 20 and 40 are horizons of the controller"""
-
-LARGEST_RATIO_ON_NEW_ROADS = 1.5
-"""goal for every state: MSE on new roads over MSE on the roads of the library"""
 
 PROGRESS = "ds"
 """progress per period: the speed once more (correlation 0.997 on the training data), so the
@@ -123,18 +111,6 @@ class TrajectoryErrors:
     def mean_draws(self) -> Array:
         """Means (1 + R, n) over the trajectories. Paper: Table I."""
         return mean_draws(self.mse, self.episode)
-
-    @cached_property
-    def quantile_draws(self) -> Array:
-        """Quantiles (1 + R, S, n) over the trajectories, S as `SHARES`."""
-        return quantile_draws(self.mse, self.episode, SHARES)
-
-    def worst_part(self) -> Estimate:
-        """Part (n,) of the sum of squared errors that the worst trajectories have.
-
-        NaN if the sum is not finite.
-        """
-        return estimate(tail_draws(self.mse, self.episode, WORST_SHARE))
 
 
 def errors_on(

@@ -96,19 +96,8 @@ def test_a_diverging_baseline_is_the_best_linear_one_only_if_there_is_no_other(n
     assert comparison.library["best_baseline"] == {"linear": best}
 
 
-def test_ratios_of_medians_ignore_a_single_bad_trajectory():
-    error = np.ones(MADE.x.shape)
-    error[7] = 1e3
-    library = compared(WithError(MADE, error), {"other": constant(2, 2, 2, 2, 2, 2)}).library
-    by_share = library["baseline_mse_quantile_over_model_mse_quantile"]["model"]
-    median = by_share["p50"]["other"]
-    assert mean_of(median) == pytest.approx(4.0)
-    assert median["geometric_mean_without_ds"]["value"] == pytest.approx(4.0)
-    assert mean_of(library["baseline_mse_over_model_mse"]["model"]["other"]) < 1e-3
-
-
-@pytest.mark.parametrize(("error", "is_within"), [([2.0, 1, 1, 1, 1, 1], False), ([1.0] * 6, True)])
-def test_errors_on_another_set_are_divided_by_those_on_the_library(error, is_within):
+def test_errors_on_another_set_are_divided_by_those_on_the_library():
+    error = [2.0, 1.0, 1.0, 1.0, 1.0, 1.0]
     far = made_trajectories(50, seed=3)
     both = MADE._replace(x=np.concatenate([MADE.x, far.x]))
     errors = np.ones(both.x.shape)
@@ -118,4 +107,3 @@ def test_errors_on_another_set_are_divided_by_those_on_the_library(error, is_wit
     found = comparison.figures["sets"]["new-roads"]
     ratio = found["mse_over_library_mse"]["model"]
     assert states_of(ratio) == pytest.approx(np.square(error))
-    assert found["is_within_goal"] == {"model": is_within}

@@ -4,12 +4,10 @@ import numpy as np
 import pytest
 from toy_predictors import WithError, made_test_set, made_trajectories, with_random_error
 
-from offline.evaluation.bootstrap import RESAMPLES, estimate, mean_draws, quantile_draws, tail_draws
+from offline.evaluation.bootstrap import estimate, mean_draws
 from offline.evaluation.comparison import compare_models
 from offline.evaluation.metrics import (
     MEANS,
-    SHARES,
-    TrajectoryErrors,
     errors_on,
     ratios_of,
     state_units,
@@ -49,22 +47,6 @@ def test_rms_error_is_given_for_each_step():
     assert np.allclose(by_step["ey_m"]["value"], np.arange(1, 81))
     assert np.allclose(by_step["ey_m"]["low"], np.arange(1, 81))
     assert by_step["vx_kmh"]["value"] == [0.0] * 80
-
-
-def test_quantiles_are_of_the_absolute_errors_of_the_trajectories():
-    """Errors of -1, -2, ... -100 m: half of them are at most 50 m."""
-    made = made_trajectories(100)
-    error = np.zeros(made.x.shape)
-    error[..., 4] = -np.arange(1.0, 101.0)[:, None]
-    found = figures_of(WithError(made, error), made_test_set(made))
-    by_step = found["by_step"]["m"]["absolute_error"]
-    assert [by_step[share]["ey_m"][7] for share in by_step] == pytest.approx([50.0, 90.0, 99.0])
-    marked = found["absolute_error_quantiles"]["m"]
-    assert list(marked) == ["after_0.5_s", "after_1_s", "after_2_s"]
-    shares = [each["ey_m"] for each in marked["after_1_s"].values()]
-    assert [each["value"] for each in shares] == pytest.approx([50.0, 90.0, 99.0])
-    assert all(each["low"] < each["value"] for each in shares)
-    assert all(each["value"] < each["high"] for each in shares[:2])
 
 
 def test_pooled_errors_are_the_mean_of_those_on_each_road():
@@ -127,16 +109,6 @@ def test_other_states_keep_their_unit_unless_it_is_m_per_s_or_rad(state, name, u
     assert (column.name, column.unit, column.key) == (name, unit, key)
 
 
-def test_one_bad_trajectory_moves_the_mean_and_not_the_median():
-    mse = np.ones((200, 2))
-    mse[17, 0] = 1e4
-    found = TrajectoryErrors(mse, np.arange(200, dtype=np.int32) // 5)
-    assert found.mean_draws[0] == pytest.approx([50.995, 1.0])
-    assert np.all(found.quantile_draws[0, SHARES.index(0.5)] == 1.0)
-    assert np.all(found.quantile_draws[0, SHARES.index(0.99)] == 1.0)
-    assert found.worst_part().value == pytest.approx([10_001 / 10_199, 0.01])
-
-
 def draws(*values, count=5):
     return np.tile(np.array(values, dtype=float), (count, 1))
 
@@ -180,34 +152,3 @@ def test_a_single_episode_has_no_interval():
     assert found.value == 2.0
     assert np.isnan(found.low)
     assert np.isnan(found.high)
-
-
-def weights_of(episodes):
-    """How often each episode was drawn (1 + R, E), read from means of indicators."""
-    return np.rint(episodes * mean_draws(np.eye(episodes), np.arange(episodes))).astype(int)
-
-
-def test_quantiles_agree_with_those_of_explicit_resamples():
-    rng = np.random.default_rng(4)
-    episode = rng.integers(0, 10, 50)
-    episode[:10] = np.arange(10)
-    values = rng.normal(size=(50, 2, 3))
-    shares = (0.5, 0.9, 0.99)
-    draws = quantile_draws(values, episode, shares)
-    assert draws.shape == (1 + RESAMPLES, 3, 2, 3)
-    for row in (0, 1, 77, 1999):
-        resampled = np.repeat(values, weights_of(10)[row][episode], axis=0)
-        expected = np.quantile(resampled, shares, axis=0, method="inverted_cdf")
-        assert np.array_equal(draws[row], expected)
-
-
-def test_the_part_of_the_largest_values_agrees_with_that_of_explicit_resamples():
-    rng = np.random.default_rng(5)
-    episode = np.arange(50) // 5
-    values = rng.normal(size=(50, 2)) ** 2
-    draws = tail_draws(values, episode, 0.1)
-    assert draws.shape == (1 + RESAMPLES, 2)
-    for row in (0, 1, 500, 2000):
-        resampled = np.sort(np.repeat(values, weights_of(10)[row][episode], axis=0), axis=0)
-        assert len(resampled) == 50
-        assert np.allclose(draws[row], resampled[-5:].sum(axis=0) / resampled.sum(axis=0))
