@@ -40,18 +40,12 @@ main = partial(run_command, app)
 class Figure(NamedTuple):
     """A number of the fitted car, for the table and for `--json`."""
 
-    name: str
-    """with its unit"""
     base: float
     value: float
     low: float
     """of the 95 % interval; NaN if the drives do not tell the number"""
     high: float
     remark: str
-
-    def figures(self) -> dict[str, float | str]:
-        """All but the name, which is their key."""
-        return {key: value for key, value in self._asdict().items() if key != "name"}
 
 
 @app.default
@@ -106,10 +100,11 @@ def fit(
         )
     parameters = tuple(each for each in parameters if not only or each.name in only)
     held_out = drives_of(dataset, ("validation", "test"))
-    with STDERR.status("fitting") as status:
+    with STDERR.status("judging") as status:
+        before = judge(base, held_out)
         result = fit_car(base, parameters, drives_of(dataset, ("train",)), windows, status.update)
         status.update("judging")
-        before, after = judge(base, held_out), judge(result.car, held_out)
+        after = judge(result.car, held_out)
     figures = estimate_figures(result, base)
     print_table(estimate_table(figures, result.windows), STDOUT)
     judged = (
@@ -124,7 +119,8 @@ def fit(
     ]
     print_table(facts_table(rows, f"held-out drives, {after.judged_s:.0f} s"), STDOUT)
     source = f"fitted by offline-fit to {data.resolve().name}, SHA-256 {dataset.sha256:.16}"
-    write_text(fitted, car_file(car_table(car), named, result.car, source))
+    stated = with_source(car_table(car), named, base, "stated to offline-fit: mass or axles")
+    write_text(fitted, to_toml(with_source(stated, base, result.car, source)))
     if plot is not None:
         draw(result.car, held_out, plot)
     write_figures(
@@ -132,7 +128,7 @@ def fit(
         {
             "car_file": str(fitted),
             "windows": result.windows,
-            "parameters": {each.name: each.figures() for each in figures},
+            "parameters": {name: each._asdict() for name, each in figures.items()},
             "held_out": after._asdict(),
             "held_out_before": before._asdict(),
         },
@@ -163,29 +159,19 @@ def _known_geometry(dataset: "Dataset") -> "SteeringGeometry | None":
     return geometry
 
 
-def estimate_figures(result: "CarFit", base: "Parameters") -> list[Figure]:
-    """The parameters, then the stiffness of both axles that follows from them."""
-    import numpy as np
-
-    from offline.evaluation.car_fit import half_width_of
-    from offline.evaluation.car_parameters import axle_stiffnesses_npr
-
-    figures = []
+def estimate_figures(result: "CarFit", base: "Parameters") -> dict[str, Figure]:
+    """By name, which ends in the unit."""
+    figures = {}
     for each in result.estimates:
-        remark = "" if each.is_told else "not told"
-        if each.is_told and each.is_at_bound:
-            remark = "at the bound"
-        name, of_base = each.parameter.name, each.parameter.of(base)
-        figures.append(Figure(name, of_base, *each.interval(base), remark))
-    halves = half_width_of(result, base, lambda car: np.array(axle_stiffnesses_npr(car)))
-    found = zip(axle_stiffnesses_npr(base), axle_stiffnesses_npr(result.car), halves, strict=True)
-    for name, (before, after, half) in zip(("front", "rear"), found, strict=True):
-        ends = after, after - float(half), after + float(half)
-        figures.append(Figure(f"axle_stiffness_{name}_npr", before, *ends, "derived"))
+        remark = "at the bound" if each.is_at_bound else ""
+        if not each.is_told:
+            remark = "not told"
+        of_base = each.parameter.of(base)
+        figures[each.parameter.name] = Figure(of_base, *each.interval(base), remark)
     return figures
 
 
-def estimate_table(figures: list[Figure], windows: int) -> "Table":
+def estimate_table(figures: dict[str, Figure], windows: int) -> "Table":
     """One row for each number."""
     from rt_controller.report.table import Column, Table, format_number
 
@@ -198,31 +184,39 @@ def estimate_table(figures: list[Figure], windows: int) -> "Table":
     )
     rows = tuple(
         (
-            each.name,
+            name,
             format_number(each.base),
             format_number(each.value),
             format_number(0.5 * (each.high - each.low), 2),
             each.remark,
         )
-        for each in figures
+        for name, each in figures.items()
     )
     notes = (
         f"{windows} windows of the training drives. The unit ends the name; without one the number "
-        f"is dimensionless. What these logs do not tell stays as before; axle stiffnesses are "
-        f"derived from the other numbers.",
+        f"is dimensionless. What these logs do not tell stays as before.",
     )
     return Table("fitted car", columns, rows, notes)
 
 
-def car_file(own: dict[str, Any], before: "Parameters", after: "Parameters", source: str) -> str:
-    """The text of the car file `own` with the values that differ after the fit."""
-    tables = {name: dict(entry) for name, entry in own.items() if isinstance(entry, dict)}
-    lines = [f"{name} = {json.dumps(entry)}" for name, entry in own.items() if name not in tables]
+def with_source(
+    file: dict[str, Any], before: "Parameters", after: "Parameters", source: str
+) -> dict[str, Any]:
+    """The content of a car file with the values of `after` that differ from `before`."""
+    changed = dict(file)
     for part in before._fields:
         old, new = getattr(before, part), getattr(after, part)
         for name, value in new._asdict().items():
             if value != getattr(old, name):
-                tables.setdefault(part, {})[name] = {"value": value, "source": source}
+                entry = {"value": value, "source": source}
+                changed[part] = {**changed.get(part, {}), name: entry}
+    return changed
+
+
+def to_toml(file: dict[str, Any]) -> str:
+    """The text of a car file with this content."""
+    tables = {name: entry for name, entry in file.items() if isinstance(entry, dict)}
+    lines = [f"{name} = {json.dumps(entry)}" for name, entry in file.items() if name not in tables]
     for part, entries in tables.items():
         lines += ["", f"[{part}]"]
         lines += [

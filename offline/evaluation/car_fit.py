@@ -22,7 +22,7 @@ from scipy.signal import savgol_filter
 from scipy.stats import t as student_t
 
 from offline.data.dataset import Dataset
-from offline.data.manifest import Part
+from offline.data.manifest import Imported, Part
 from offline.evaluation.car_parameters import Fitted, car_with
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.errors import DatasetError
@@ -113,16 +113,11 @@ class Estimate:
         return value, low, high
 
 
-@dataclass(frozen=True, slots=True)
-class CarFit:
-    """Parameters and car, with what the interval of a derived number needs."""
+class CarFit(NamedTuple):
+    """The fitted car, its parameters, and the number of windows."""
 
     car: Parameters
     estimates: tuple[Estimate, ...]
-    covariance: Array
-    """of the coordinates that are told, in their order"""
-    quantile: float
-    """of 95 % intervals"""
     windows: int
 
 
@@ -161,18 +156,21 @@ def drives_of(dataset: Dataset, parts: Sequence[Part]) -> list[Drive]:
             f"expected a period of whole milliseconds, found {1e3 * schema.dt_s:g} ms. Import the "
             f"logs with another period."
         )
-    std_mps = getattr(dataset.origin, "lateral_speed_std_mps", None) or 0.0
+    origin = dataset.origin
+    std_mps = (origin.lateral_speed_std_mps if isinstance(origin, Imported) else None) or 0.0
     is_compared = lateral in schema.state_names and std_mps <= LARGEST_STD_MPS
     names = (speed, lateral if is_compared else speed, yaw_rate)
     columns = [schema.input_names.index(name) for name in inputs]
     states = [schema.state_names.index(name) for name in names]
+    size = 2 * round(0.5 * _SMOOTHING_S / schema.dt_s) + 1
     drives = []
     for part in parts:
         for episode in dataset.episodes(part):
             first = int(recording.first[episode])
             rows = slice(first, first + int(recording.lengths[episode]))
             measured = recording.x[rows][:, states].astype(float)
-            size = 2 * round(0.5 * _SMOOTHING_S / schema.dt_s) + 1
+            if len(measured) < size:
+                continue
             smooth = savgol_filter(measured, size, 3, axis=0) if size > 4 else measured.copy()
             if not is_compared:
                 measured[:, 1] = smooth[:, 1] = nan
@@ -246,15 +244,16 @@ def simulated(car: Parameters, window: Window) -> Array:
     return motion[:: drive.steps_per_period]
 
 
-def errors_of(pool: ThreadPoolExecutor, car: Parameters, windows: Sequence[Window]) -> list[Array]:
-    """(n, 3) simulated less measured, for each window; a car that has spun off is far away."""
+def errors_of(car: Parameters, windows: Sequence[Window]) -> Array:
+    """(W, n, 3) simulated less measured; a car that has spun off is far away."""
 
     def error(window: Window) -> Array:
         measured = window.drive.measured[window.begin : window.end]
         found = np.nan_to_num(simulated(car, window), nan=1e2) - measured
         return np.clip(np.nan_to_num(found), -1e2, 1e2)
 
-    return list(pool.map(error, windows))
+    with ThreadPoolExecutor() as pool:
+        return np.array(list(pool.map(error, windows)))
 
 
 def fit_car(
@@ -276,31 +275,23 @@ def fit_car(
             f"than {_LEAST_SPEED_MPS:g} m/s, found {len(windows)}. Record longer drives."
         )
     is_told = np.ones(len(parameters), dtype=bool)
-    with ThreadPoolExecutor() as pool:
-        problem = _Problem(base, tuple(parameters), windows, pool, on_progress)
-        # Most of the way with few windows, which is faster.
-        few = _Problem(
-            base, tuple(parameters), windows[:: -(-len(windows) // _FEW)], pool, on_progress
-        )
-        coarse = few.solve(np.zeros(len(parameters)), is_told, _FIRST_SCALES)
-        coarse = few.solve(coarse.at, is_told, coarse.scales)
-        solution = problem.solve(coarse.at, is_told, coarse.scales, 3)
-        # A wide interval without the base car's value in it says that this value is wrong.
-        while True:
-            intervals = _intervals(solution, len(windows), is_told)
-            widths, offsets = intervals.half_widths, np.abs(solution.at[is_told])
-            is_open = (widths > LARGEST_HALF_WIDTH) & (offsets < widths)
-            if not is_open.any():
-                break
-            is_told[np.flatnonzero(is_told)[np.argmax(np.where(is_open, widths, 0.0))]] = False
-        if not is_told.all():
-            solution = solution._replace(at=np.where(is_told, solution.at, 0.0))
-        if is_told.any() and not is_told.all():
-            solution = problem.solve(solution.at, is_told, solution.scales, 4)
-            intervals = _intervals(solution, len(windows), np.ones(is_told.sum(), dtype=bool))
-    half_widths = np.full(len(parameters), nan)
-    half_widths[is_told] = intervals.half_widths
-    car = car_with(base, parameters, solution.at)
+    problem = _Problem(base, parameters, windows, on_progress)
+    # Most of the way with few windows, which is faster.
+    few = _Problem(base, parameters, windows[:: ceil(len(windows) / _FEW)], on_progress)
+    coarse = few.solve(np.zeros(len(parameters)), is_told, _FIRST_SCALES)
+    coarse = few.solve(coarse.at, is_told, coarse.scales)
+    solution = problem.solve(coarse.at, is_told, coarse.scales, 3)
+    half_widths = _half_widths(solution, len(windows), is_told)
+    # A wide interval without the base car's value in it says that this value is wrong.
+    while np.any(
+        is_open := (half_widths > LARGEST_HALF_WIDTH) & (np.abs(solution.at) < half_widths)
+    ):
+        is_told[np.argmax(np.where(is_open, half_widths, 0.0))] = False
+        half_widths = _half_widths(solution, len(windows), is_told)
+    solution = solution._replace(at=np.where(is_told, solution.at, 0.0))
+    if is_told.any() and not is_told.all():
+        solution = problem.solve(solution.at, is_told, solution.scales, 4)
+        half_widths = _half_widths(solution, len(windows), is_told)
     bounds = [each.bounds(base) for each in parameters]
     estimates = tuple(
         Estimate(each, float(at), float(half), not low + _STEP < at < high - _STEP)
@@ -308,20 +299,7 @@ def fit_car(
             parameters, solution.at, half_widths, bounds, strict=True
         )
     )
-    return CarFit(car, estimates, intervals.covariance, intervals.quantile, len(windows))
-
-
-def half_width_of(fit: CarFit, base: Parameters, of: Callable[[Parameters], Array]) -> Array:
-    """Half widths of the 95 % intervals of numbers (k,) that follow from the fitted car."""
-    parameters = [each.parameter for each in fit.estimates]
-    at = np.array([each.coordinate for each in fit.estimates])
-    told = [k for k, each in enumerate(fit.estimates) if each.is_told]
-    steps = _STEP * np.eye(len(at))[told]
-    center = of(fit.car)
-    slopes = np.array([of(car_with(base, parameters, at + step)) - center for step in steps])
-    slopes /= _STEP
-    variances: Array = np.einsum("ik,ij,jk->k", slopes, fit.covariance, slopes)
-    return fit.quantile * np.sqrt(variances)
+    return CarFit(car_with(base, parameters, solution.at), estimates, len(windows))
 
 
 class _Solution(NamedTuple):
@@ -330,26 +308,16 @@ class _Solution(NamedTuple):
     scales: Array
     """(3,) RMS errors"""
     jacobian: Array
-    """(r, m) of the m fitted ones; the last m rows are those of the prior"""
+    """(r, p); 0 for parameters that are not fitted"""
     residuals: Array
     """(r,) each error over its RMS"""
 
 
-class _Intervals(NamedTuple):
-    covariance: Array
-    """(m, m) of the coordinates"""
-    quantile: float
-    half_widths: Array
-    """(m,) of the 95 % intervals"""
-
-
-def _intervals(solution: _Solution, windows: int, is_free: NDArray[np.bool_]) -> _Intervals:
-    """Of the m free ones of the fitted coordinates; the others count as known."""
-    priors = solution.jacobian.shape[1]
-    J = solution.jacobian[:-priors, is_free]
-    m = J.shape[1]
+def _half_widths(solution: _Solution, windows: int, is_free: NDArray[np.bool_]) -> Array:
+    """(p,) of the 95 % intervals of the free coordinates; NaN for others, which count as known."""
+    J, m = solution.jacobian[:, is_free], int(np.count_nonzero(is_free))
     prior, information = np.eye(m) / _PRIOR**2, J.T @ J
-    residuals = solution.residuals[:-priors].reshape(windows, -1)
+    residuals = solution.residuals.reshape(windows, -1)
     scores = np.einsum("wrm,wr->wm", J.reshape(*residuals.shape, m), residuals)
     spread = scores.T @ scores * windows / (windows - 1.0)
     inverse = np.linalg.inv(information + prior)
@@ -357,29 +325,23 @@ def _intervals(solution: _Solution, windows: int, is_free: NDArray[np.bool_]) ->
     common = information * np.trace(inverse @ spread) / max(m, 1)
     spread = (windows * spread + m * common) / (windows + m)
     covariance = inverse @ (spread + prior) @ inverse
-    quantile = float(student_t.ppf(0.975, windows - 1))
-    return _Intervals(covariance, quantile, quantile * np.sqrt(np.diag(covariance)))
+    half_widths = np.full(len(is_free), nan)
+    half_widths[is_free] = student_t.ppf(0.975, windows - 1) * np.sqrt(np.diag(covariance))
+    return half_widths
 
 
+@dataclass(frozen=True, slots=True)
 class _Problem:
-    """Residuals of all windows as a function of the coordinates."""
+    """Least squares over all windows."""
 
-    def __init__(
-        self,
-        base: Parameters,
-        parameters: Sequence[Fitted],
-        windows: Sequence[Window],
-        pool: ThreadPoolExecutor,
-        on_progress: Callable[[str], None],
-    ) -> None:
-        self._base, self._parameters, self._windows = base, parameters, windows
-        self._pool, self._on_progress = pool, on_progress
-        self._bounds = np.array([each.bounds(base) for each in parameters])
+    base: Parameters
+    parameters: Sequence[Fitted]
+    windows: Sequence[Window]
+    on_progress: Callable[[str], None]
 
     def errors(self, at: Array) -> Array:
         """(W, n, 3) errors of the car with these coordinates."""
-        car = car_with(self._base, self._parameters, at)
-        return np.array(errors_of(self._pool, car, self._windows))
+        return errors_of(car_with(self.base, self.parameters, at), self.windows)
 
     def solve(
         self, start: Array, is_fitted: NDArray[np.bool_], scales: Array, iterations: int = 6
@@ -387,7 +349,7 @@ class _Problem:
         """Minimum over the fitted coordinates; the others stay at the start."""
         columns = np.flatnonzero(is_fitted)
         prior = np.eye(len(columns)) / _PRIOR
-        low, high = self._bounds[columns].T
+        low, high = np.transpose([each.bounds(self.base) for each in self.parameters])[:, columns]
 
         def whole(x: Array) -> Array:
             at = start.copy()
@@ -397,7 +359,7 @@ class _Problem:
         def residuals(x: Array) -> Array:
             errors = self.errors(whole(x)) / scales
             rms = np.sqrt(np.mean(np.square(errors)))
-            self._on_progress(f"fitting {len(columns)} parameters, error {rms:.3f}")
+            self.on_progress(f"fitting {len(columns)} parameters, error {rms:.3f}")
             return np.concatenate([errors.ravel(), prior @ x])
 
         def jacobian(x: Array) -> Array:
@@ -410,8 +372,11 @@ class _Problem:
         found = least_squares(
             residuals, inside, jacobian, (low, high), ftol=1e-4, xtol=1e-4, max_nfev=iterations
         )
-        rms = np.sqrt(np.mean(np.square(self.errors(whole(found.x))), axis=(0, 1)))
-        return _Solution(whole(found.x), np.where(rms > 0.0, rms, 1.0), found.jac, found.fun)
+        at, known = whole(found.x), slice(0, -len(columns))  # without the rows of the prior
+        rms = np.sqrt(np.mean(np.square(self.errors(at)), axis=(0, 1)))
+        slopes = np.zeros((len(found.fun[known]), len(at)))
+        slopes[:, columns] = found.jac[known]
+        return _Solution(at, np.where(rms > 0.0, rms, 1.0), slopes, found.fun[known])
 
 
 def judge(car: Parameters, drives: Sequence[Drive]) -> Judgement:
@@ -426,14 +391,8 @@ def judge(car: Parameters, drives: Sequence[Drive]) -> Judgement:
             f"expected a held-out drive of {JUDGE_S:g} s in which the car is faster than "
             f"{_LEAST_SPEED_MPS:g} m/s, found none. Name others in [split] of the mapping."
         )
-    with ThreadPoolExecutor() as pool:
-        errors = np.array(errors_of(pool, car, windows))
+    errors = errors_of(car, windows)
     measured = np.array([window.drive.measured[window.begin : window.end] for window in windows])
     wrong, size = (np.sqrt(np.mean(np.square(each), axis=(0, 1))) for each in (errors, measured))
     speed, lateral, yaw_rate = (100.0 * wrong / (np.ptp(measured[..., 0]), *size[1:])).tolist()
-    return Judgement(
-        yaw_rate,
-        lateral,
-        speed,
-        JUDGE_S * len(windows),
-    )
+    return Judgement(yaw_rate, lateral, speed, JUDGE_S * len(windows))

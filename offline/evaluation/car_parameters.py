@@ -13,11 +13,7 @@ import numpy as np
 
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.limits import SteeringGeometry
-from sim_bridge.plant.library import settle, simulate
 from sim_bridge.plant.parameters import Parameters, with_mass_factor
-from sim_bridge.plant.states import AT
-
-_TURN_MPS, _TURN_MPS2, _TURN_STEPS = 20.0, 1.0, 160
 
 
 @dataclass(frozen=True, slots=True)
@@ -199,21 +195,3 @@ def with_stated(
         sprung_rear_axle_m=wheelbase_m - sprung_front_m,
     )
     return car._replace(body=body, steering=car.steering._replace(ratio=geometry.steering_ratio))
-
-
-def axle_stiffnesses_npr(car: Parameters) -> tuple[float, float]:
-    """Side force over slip angle of the front and the rear axle in a gentle steady turn.
-
-    They contain what tyres, suspension and steering give: the front slip angle is that of the
-    steering wheel over the ratio.
-    """
-    body, ratio = car.body, car.steering.ratio
-    state = settle(_TURN_MPS, car)
-    curvature_per_m = _TURN_MPS2 / _TURN_MPS**2
-    steer_rad = ratio * curvature_per_m * (body.wheelbase_m + 0.003 * _TURN_MPS**2)
-    inputs = np.tile([state[AT.throttle], 0.0, steer_rad], (_TURN_STEPS, 1))
-    vx_mps, vy_mps, yaw_rate_radps = simulate(state, inputs, car)[0][-1].tolist()
-    force_n = body.mass_kg * vx_mps * yaw_rate_radps / body.wheelbase_m
-    front_rad = steer_rad / ratio - (vy_mps + body.front_axle_m * yaw_rate_radps) / vx_mps
-    rear_rad = (body.rear_axle_m * yaw_rate_radps - vy_mps) / vx_mps
-    return force_n * body.rear_axle_m / front_rad, force_n * body.front_axle_m / rear_rad

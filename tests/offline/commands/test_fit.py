@@ -94,6 +94,16 @@ def test_the_parameters_of_the_logs_are_found_and_the_car_file_has_them(data, tm
     assert f"--car {file}" in capsys.readouterr().out
 
 
+def test_a_car_of_which_the_logs_tell_nothing_differs_by_what_is_stated(data, tmp_path):
+    file = tmp_path / "own.toml"
+    options = ("--car", BASE, "--windows", "6", "--only", UNTOLD, "--mass-kg", "1800")
+    run(fit.app, str(data), str(file), *options)
+    assert load_parameters(file).body.mass_kg == pytest.approx(1800.0)
+    assert load_parameters(file).brakes == load_parameters(BASE).brakes
+    assert "stated" in file.read_text()
+    assert "fitted" not in file.read_text()
+
+
 @pytest.mark.parametrize(
     ("options", "named"),
     [
