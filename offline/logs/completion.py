@@ -16,14 +16,14 @@ from scipy.signal import savgol_filter
 from offline.logs.episode import LogEpisode
 from offline.logs.lateral_speed import (
     STANDING_MPS,
-    Estimate,
+    SmoothedSpeed,
     Way,
     by_acceleration,
     by_pose,
     by_yaw_rate,
 )
 from offline.logs.mapping import LogMapping
-from offline.logs.pieces import Motion
+from offline.logs.pieces import MeasuredMotion, cut_pieces
 from offline.logs.signal import LoggedDrive
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.car import UNNAMED_CAR, Car
@@ -31,6 +31,8 @@ from rt_controller.mapping.lateral_speed import RearAxle
 from rt_controller.mapping.quantity import Quantity
 
 VX, VY, YAW_RATE = "vx_mps", "vy_mps", "yaw_rate_radps"
+CONSTANTS = ("rear_axle_m", "rear_slip_s2_per_m", "yaw_inertia_m")
+"""of the equation of the rear axle, as [car] has them"""
 _SLOPE_S = 0.25
 """window in which a heading is a parabola"""
 _COURSE_S = 0.5
@@ -52,22 +54,15 @@ class Accuracy(NamedTuple):
 
     def figures(self) -> dict[str, object]:
         """The same for `--json`."""
-        constants = ("rear_axle_m", "rear_slip_s2_per_m", "yaw_inertia_m")
-        return {
-            "way": str(self.way),
-            "std_mps": self.std_mps,
-            "rms_mps": self.rms_mps,
-            **{name: getattr(self.car, name) for name in constants},
-        }
+        own = {"way": str(self.way), "std_mps": self.std_mps, "rms_mps": self.rms_mps}
+        return own | {name: getattr(self.car, name) for name in CONSTANTS}
 
     def sentences(self, is_of_mapping: bool) -> str:
         """What was done, and the table for the mapping."""
         against = ""
         if self.rms_mps is not None:
             against = f", {self.rms_mps:.3f} m/s root mean square from the measured one"
-        names = ["rear_axle_m", "rear_slip_s2_per_m", "yaw_inertia_m"]
-        if not is_of_mapping:
-            names = ["wheelbase_m", "steering_ratio", *names]
+        names = CONSTANTS if is_of_mapping else ("wheelbase_m", "steering_ratio", *CONSTANTS)
         rows = "".join(f"\n{name} = {getattr(self.car, name):.4g}" for name in names)
         default = "" if is_of_mapping else " (without [car]: geometry of the default car)"
         return (
@@ -115,7 +110,7 @@ def complete(
     return parts, accuracy
 
 
-def _motion(part: LogEpisode, log: int, mapping: LogMapping, car: Car) -> Motion:
+def _motion(part: LogEpisode, log: int, mapping: LogMapping, car: Car) -> MeasuredMotion:
     signals = part.signals
     pose = part.pose.copy() if mapping.pose else None
     if YAW_RATE in signals:
@@ -130,7 +125,7 @@ def _motion(part: LogEpisode, log: int, mapping: LogMapping, car: Car) -> Motion
     ay = next((n for n in signals if mapping.quantity(n) is Quantity.LATERAL_ACCELERATION), None)
     steer = mapping.name_of(Quantity.STEERING)
     ratio = 1.0 if steer and steer.startswith("road_wheel") else car.steering_ratio
-    return Motion(
+    return MeasuredMotion(
         log,
         signals[VX].to_numpy(),
         rate,
@@ -149,28 +144,30 @@ def _slope(values: Array, window_s: float, period_s: float) -> Array:
 
 
 def _estimate(
-    motions: Sequence[Motion], drives: Sequence[LoggedDrive], mapping: LogMapping, car: Car
-) -> Estimate:
+    motions: Sequence[MeasuredMotion], drives: Sequence[LoggedDrive], mapping: LogMapping, car: Car
+) -> SmoothedSpeed:
     """By the first way that all logs have the signals for."""
-    known, period_s, first = mapping.car, mapping.period_s, motions[0]
+    known = mapping.car
     tau, q = (known.rear_slip_s2_per_m, known.yaw_inertia_m) if known else (None, None)
     b = car.rear_axle_m
     prior = RearAxle(b, tau or 0.005, 0.85 * b if q is None else q)
     spread = np.array([0.03 if known else _UNKNOWN_M, 3e-3, 0.4])
     if tau is not None:
         spread[1:] = 0.1 * tau, 0.1
-    if first.pose is not None:
-        step_s = max(series.usual_step_s for drive in drives for series in drive.poses)
-        return by_pose(motions, period_s, prior, spread, max(1, round(step_s / period_s)))
-    if first.ay_mps2 is not None:
-        return by_acceleration(motions, period_s, prior, spread)
-    if tau is not None:
-        motions = [motion._replace(wheel_rad=None) for motion in motions]
-    return by_yaw_rate(motions, period_s, prior, spread, car.wheelbase_m)
+    pieces = cut_pieces(motions, mapping.period_s)
+    if pieces.pose is not None:
+        step_s = max(signal.usual_step_s for drive in drives for signal in drive.poses)
+        every = max(1, round(step_s / mapping.period_s))
+        return by_pose(pieces, pieces.pose, prior, spread, every)
+    if pieces.ay is not None:
+        return by_acceleration(pieces, pieces.ay, prior, spread)
+    return by_yaw_rate(
+        pieces, pieces.wheel if tau is None else None, prior, spread, car.wheelbase_m
+    )
 
 
 def _completed(
-    part: LogEpisode, motion: Motion, estimate: Estimate, i: int, mapping: LogMapping
+    part: LogEpisode, motion: MeasuredMotion, estimate: SmoothedSpeed, i: int, mapping: LogMapping
 ) -> LogEpisode:
     vx, vy, rate = motion.vx_mps, estimate.vy_mps[i], motion.yaw_rate
     signals = part.signals.assign(**{VY: vy, YAW_RATE: rate})

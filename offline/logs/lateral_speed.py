@@ -15,7 +15,7 @@ Kalman filter forwards, Rauch-Tung-Striebel smoother backwards. The variances of
 and of d are those of maximum likelihood, by expectation maximisation (Shumway and Stoffer, 1982).
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from enum import StrEnum
 from typing import NamedTuple
 
@@ -25,8 +25,8 @@ from scipy.ndimage import uniform_filter1d
 from scipy.optimize import least_squares
 from scipy.signal import lfilter
 
-from offline.logs.pieces import Motion, Pieces, cut_pieces
-from offline.logs.smoother import Gaussian, LinearModel, smooth
+from offline.logs.pieces import Pieces
+from offline.logs.smoother import Gaussian, StateSpace, smooth
 from rt_controller.contract.arrays import Array
 from rt_controller.mapping.lateral_speed import SLOWEST_MPS, RearAxle
 
@@ -56,7 +56,7 @@ class Way(StrEnum):
     YAW_RATE = "yaw rate"
 
 
-class Estimate(NamedTuple):
+class SmoothedSpeed(NamedTuple):
     """Lateral speed of motions, and the constants of their car."""
 
     way: Way
@@ -97,7 +97,7 @@ def _fit(
     return found, np.linalg.inv(fit.jac.T @ fit.jac)
 
 
-def _most_likely(model: LinearModel, place: int, size_mps: float, pieces: Pieces) -> Gaussian:
+def _most_likely(model: StateSpace, place: int, size_mps: float, pieces: Pieces) -> Gaussian:
     """The state with the variances of largest likelihood; d and its slope begin at `place`."""
     a, dt, d = DECAY_PER_S, pieces.period_s, slice(place, place + 2)
     move = np.exp(-a * dt) * np.array([[1.0 + a * dt, dt], [-(a**2) * dt, 1.0 - a * dt]])
@@ -109,14 +109,15 @@ def _most_likely(model: LinearModel, place: int, size_mps: float, pieces: Pieces
         model.noise[..., d, d] = size_mps**2 * (unit - move @ unit @ move.T)
         model.start.covariance[..., d, d] = size_mps**2 * unit
         found = smooth(model._replace(variance=variance))
-        expected = np.einsum("mtbi,tbi->mtb", model.rows, found.mean)
+        expected = np.einsum("mi,tbi->mtb", model.rows, found.mean)
         error = np.where(known, model.measured - expected, 0.0)
-        own = np.einsum("mtbi,tbij,mtbj->mtb", model.rows, found.covariance, model.rows)
+        own = np.einsum("mi,tbij,mj->mtb", model.rows, found.covariance, model.rows)
         square = np.sum(np.where(known, error**2 + own, 0.0), axis=(1, 2)) / counts
         is_free = model.is_free & np.any(known, axis=(1, 2))
         variance = np.where(is_free, square, variance)
         second = found.mean[..., place] ** 2 + found.covariance[..., place, place]
-        size_mps = float(np.mean(second[pieces.is_fitted.T])) ** 0.5
+        if pieces.is_fitted.any():
+            size_mps = float(np.mean(second[pieces.is_fitted.T])) ** 0.5
     return found
 
 
@@ -137,11 +138,9 @@ def _rolling(pieces: Pieces) -> Array:
 
 
 def by_pose(
-    motions: Sequence[Motion], period_s: float, prior: RearAxle, scales: Array, every: int
-) -> Estimate:
-    """From poses that are sampled about every so many periods."""
-    pieces = cut_pieces(motions, period_s)
-    pose = pieces.take([motion.pose for motion in motions if motion.pose is not None])
+    pieces: Pieces, pose: Array, prior: RearAxle, scales: Array, every: int
+) -> SmoothedSpeed:
+    """From poses (B, T, 3) that are sampled about every so many periods."""
     measured = np.where(pieces.is_own[..., None], pose, np.nan)
     measured[:, np.arange(pose.shape[1]) % every != 0] = np.nan
     has_yaw, yaw = bool(np.isfinite(pose[..., 2]).any()), pose[..., 2]
@@ -169,15 +168,15 @@ def by_pose(
     row[..., 3], row[..., 5] = 1.0, -lever.T
     vy = rear + np.einsum("tbi,tbi->tb", row, state.mean).T
     std = np.einsum("tbi,tbij,tbj->tb", row, state.covariance, row).T ** 0.5
-    return _estimate(pieces, Way.POSE, axle, vy, std, state.mean[..., 2].T)
+    return _smoothed(pieces, Way.POSE, axle, vy, std, state.mean[..., 2].T)
 
 
-def _estimate(
+def _smoothed(
     pieces: Pieces, way: Way, axle: RearAxle, vy: Array, std: Array, yaw: Array | None = None
-) -> Estimate:
+) -> SmoothedSpeed:
     is_moving = pieces.vx >= STANDING_MPS
     vys, stds = (pieces.join(np.where(is_moving, each, 0.0)) for each in (vy, std))
-    return Estimate(way, axle, vys, stds, [] if yaw is None else pieces.join(yaw))
+    return SmoothedSpeed(way, axle, vys, stds, [] if yaw is None else pieces.join(yaw))
 
 
 def _course(pieces: Pieces, pose: Array) -> Array:
@@ -193,7 +192,7 @@ def _course(pieces: Pieces, pose: Array) -> Array:
 
 def _pose_model(
     pieces: Pieces, measured: Array, yaw: Array, axle: RearAxle, rear: Array, every: int
-) -> LinearModel:
+) -> StateSpace:
     """States x, y, heading, d, slope of d, bias of the yaw rate; linear about the yaw (B, T)."""
     dt, (n, steps) = pieces.period_s, pieces.vx.shape
     cos, sin = np.cos(_mid(yaw)), np.sin(_mid(yaw))
@@ -215,9 +214,6 @@ def _pose_model(
     noise[..., 0, 1] = noise[..., 1, 0] = cos * sin * (along - across)
     gyro = max(_white_noise(pieces.yaw_rate, pieces.is_own), 1e-4)
     noise[..., 2, 2], noise[..., 5, 5] = (gyro * dt) ** 2, 1e-10 * dt
-    rows = np.zeros((4, steps, n, 6))
-    for i in range(4):
-        rows[i, ..., i] = 1.0
     first = measured[:, 0].copy()
     measured = measured - first[:, None] * [1.0, 1.0, 0.0]
     start = np.zeros((n, 6))
@@ -225,11 +221,11 @@ def _pose_model(
     square = np.tile(np.diag([1.0, 1.0, 0.05, 0.0, 0.0, 1e-4]), (n, 1, 1))
     thin = measured[:, ::every], pieces.is_own[:, ::every]
     sizes = [max(_white_noise(thin[0][..., i], thin[1]), 1e-4) for i in range(3)]
-    return LinearModel(
+    return StateSpace(
         transition,
         drift,
         noise,
-        rows,
+        np.eye(4, 6),
         np.concatenate([measured.transpose(2, 1, 0), _rolling(pieces)[None]]),
         np.nan_to_num(np.array([*sizes, ROLLING_MPS]) ** 2, nan=1.0),
         np.array([True, True, True, False]),
@@ -237,13 +233,9 @@ def _pose_model(
     )
 
 
-def by_acceleration(
-    motions: Sequence[Motion], period_s: float, prior: RearAxle, scales: Array
-) -> Estimate:
+def by_acceleration(pieces: Pieces, ay: Array, prior: RearAxle, scales: Array) -> SmoothedSpeed:
     """From an accelerometer, its scale and offset unknown: a car that rolls tilts it."""
-    pieces = cut_pieces(motions, period_s)
-    ay = pieces.take([motion.ay_mps2 for motion in motions if motion.ay_mps2 is not None])
-    one = np.ones_like(ay)
+    one, period_s = np.ones_like(ay), pieces.period_s
     centripetal = pieces.vx * pieces.yaw_rate
 
     def turning(constants: Array) -> Array:
@@ -262,11 +254,11 @@ def by_acceleration(
     _, bias = pieces.without(smooth_ay / scale - turning(constants), one)
     left = ay / scale - bias[:, None] - np.gradient(rear, period_s, axis=1) - centripetal
     n, steps = ay.shape
-    model = LinearModel(
+    model = StateSpace(
         np.tile(np.eye(3), (steps - 1, n, 1, 1)),
         np.zeros((steps - 1, n, 3)),
         np.tile(np.diag([0.0, 0.0, BANK_NOISE**2 * period_s]), (steps - 1, n, 1, 1)),
-        np.tile(np.array([[0.0, 1.0, 1.0], [1.0, 0.0, 0.0]])[:, None, None], (1, steps, n, 1)),
+        np.array([[0.0, 1.0, 1.0], [1.0, 0.0, 0.0]]),
         np.stack([np.where(pieces.is_own, left, np.nan).T, _rolling(pieces)]),
         np.array([max(_white_noise(left, pieces.is_own), 1e-3), ROLLING_MPS]) ** 2,
         np.array([True, False]),
@@ -274,7 +266,7 @@ def by_acceleration(
     )
     state = _most_likely(model, 0, 0.03, pieces)
     variance = state.covariance[..., 0, 0].T + _spread(pieces, axle, cov)
-    return _estimate(pieces, Way.ACCELERATION, axle, rear + state.mean[..., 0].T, variance**0.5)
+    return _smoothed(pieces, Way.ACCELERATION, axle, rear + state.mean[..., 0].T, variance**0.5)
 
 
 def _mean5(values: Array) -> Array:
@@ -293,15 +285,12 @@ def _spread(pieces: Pieces, axle: RearAxle, cov: Array) -> Array:
 
 
 def by_yaw_rate(
-    motions: Sequence[Motion], period_s: float, prior: RearAxle, scales: Array, wheelbase_m: float
-) -> Estimate:
+    pieces: Pieces, wheel: Array | None, prior: RearAxle, scales: Array, wheelbase_m: float
+) -> SmoothedSpeed:
     """From the equation alone; its constants by the response to the steering, if that is known."""
-    pieces = cut_pieces(motions, period_s)
-    wheels = [motion.wheel_rad for motion in motions if motion.wheel_rad is not None]
-    if not wheels:
+    if wheel is None:
         way, axle, cov = Way.YAW_RATE, prior, np.diag(scales**2)
     else:
-        wheel = pieces.take(wheels)
 
         def errors(constants: Array) -> Array:
             found = _yaw_response(constants, pieces, wheel, wheelbase_m)
@@ -314,7 +303,7 @@ def by_yaw_rate(
         constants, cov = _fit(errors, start, own, pieces)
         way, axle = Way.STEERING, RearAxle(*map(float, constants[:3]))
         cov = cov[:3, :3] + np.diag([scales[0], SATURATED * axle.slip_s2_per_m, 0.0]) ** 2
-    return _estimate(pieces, way, axle, pieces.rear(axle), _spread(pieces, axle, cov) ** 0.5)
+    return _smoothed(pieces, way, axle, pieces.rear(axle), _spread(pieces, axle, cov) ** 0.5)
 
 
 def _yaw_response(constants: Array, pieces: Pieces, wheel: Array, wheelbase_m: float) -> Array:

@@ -2,7 +2,7 @@
 
 from collections import defaultdict
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,22 +16,22 @@ FITTED_MPS = 3.0
 """constants are fitted to faster samples"""
 
 
-class Motion(NamedTuple):
+class MeasuredMotion(NamedTuple):
     """One stretch of a drive, (T,) each at the period of the data set."""
 
     log: int
     """number of its log"""
     vx_mps: Array
     yaw_rate: Array
-    pose: Array | None = None
+    pose: Array | None
     """(T, 3) of the centre of gravity; the yaw is NaN if it is not measured"""
-    ay_mps2: Array | None = None
-    wheel_rad: Array | None = None
+    ay_mps2: Array | None
+    wheel_rad: Array | None
     """of the road wheels, with the steering ratio of the car"""
 
 
 class Pieces(NamedTuple):
-    """Motions cut into pieces of at most a minute, (B, T) each; short ones repeat their end."""
+    """Motions cut into B pieces of at most a minute, (B, T) each; short ones repeat their end."""
 
     period_s: float
     spans: tuple[tuple[int, int, int], ...]
@@ -42,15 +42,13 @@ class Pieces(NamedTuple):
     """False: repeated"""
     vx: Array
     yaw_rate: Array
-
-    def take(self, arrays: Sequence[Array]) -> Array:
-        """(B, T, ...) of arrays of the motions (T, ...)."""
-        longest = max(b - a for _, a, b in self.spans)
-        own = (arrays[i][np.minimum(np.arange(a, a + longest), b - 1)] for i, a, b in self.spans)
-        return np.array(list(own))
+    pose: Array | None
+    """(B, T, 3)"""
+    ay: Array | None
+    wheel: Array | None
 
     def join(self, found: Array) -> list[Array]:
-        """The inverse of `take`: each sample is of the piece whose end is farther away."""
+        """(T, ...) of each motion: each sample is of the piece whose end is farther away."""
         half, joined = round(0.5 * OVERLAP_S / self.period_s), defaultdict[int, list[Array]](list)
         for values, (i, a, b), after in zip(
             found, self.spans, (*self.spans[1:], (-1, 0, 0)), strict=True
@@ -81,7 +79,7 @@ class Pieces(NamedTuple):
         return self.is_fitted * (error - constant[:, None] * cause), constant
 
 
-def cut_pieces(motions: Sequence[Motion], period_s: float) -> Pieces:
+def cut_pieces(motions: Sequence[MeasuredMotion], period_s: float) -> Pieces:
     """The motions in pieces that overlap."""
     whole, overlap = round(PIECE_S / period_s), round(OVERLAP_S / period_s)
     spans = tuple(
@@ -89,13 +87,15 @@ def cut_pieces(motions: Sequence[Motion], period_s: float) -> Pieces:
         for i, motion in enumerate(motions)
         for a in range(0, max(len(motion.vx_mps) - overlap, 1), whole - overlap)
     )
-    empty = np.zeros((0, 0))
+    lengths = np.array([b - a for _, a, b in spans])
+    index = np.arange(lengths.max())
+
+    def take(name: str) -> Any:
+        arrays = [getattr(motion, name) for motion in motions]
+        if arrays[0] is None:
+            return None
+        return np.array([arrays[i][np.minimum(a + index, b - 1)] for i, a, b in spans])
+
     log = np.array([motions[i].log for i, _, _ in spans])
-    pieces = Pieces(period_s, spans, log, empty > 0.0, empty, empty)
-    vx = pieces.take([motion.vx_mps for motion in motions])
-    ends = np.array([b - a for _, a, b in spans])
-    return pieces._replace(
-        vx=vx,
-        yaw_rate=pieces.take([motion.yaw_rate for motion in motions]),
-        is_own=np.arange(vx.shape[1]) < ends[:, None],
-    )
+    measured = map(take, MeasuredMotion._fields[1:])
+    return Pieces(period_s, spans, log, index < lengths[:, None], *measured)

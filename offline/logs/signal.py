@@ -106,17 +106,16 @@ def to_drive(log: Log, mapping: LogMapping) -> LoggedDrive:
         _within_limits(mapping, _to_signal(log, mapping, begin_s, name, column), column)
         for name, column in mapping.read_signals.items()
     )
-    poses: list[tuple[LogSignal, float]] = []
-    for (name, unit, steepest), pose in zip(POSE_SIGNALS, mapping.pose_columns, strict=False):
+    poses = []
+    for (name, unit, _), pose in zip(POSE_SIGNALS, mapping.pose_columns, strict=False):
         signal = _to_signal(log, mapping, begin_s, name, pose, "rad" if is_angle(pose) else unit)
         if signal.unit == "rad":
             signal = replace(signal, values=np.unwrap(signal.values))
-        poses.append((signal, steepest))
+        poses.append(signal)
     if mapping.pose is not None and mapping.pose.is_geographic:
-        (east, _), (north, _) = poses[:2]
-        for i, signal in enumerate(_on_plane(east, north)):
-            poses[i] = signal, poses[i][1]
-    found = tuple(_without_jumps(signal, steepest) for signal, steepest in poses)
+        poses[:2] = _on_plane(*poses[:2])
+    steepest = (each for _, _, each in POSE_SIGNALS)
+    found = tuple(map(_without_jumps, poses, steepest))
     return LoggedDrive(log.name, log.rows, signals, found)
 
 

@@ -15,7 +15,7 @@ class Gaussian(NamedTuple):
     covariance: Array
 
 
-class LinearModel(NamedTuple):
+class StateSpace(NamedTuple):
     """s[k+1] = transition s[k] + drift + noise; m measurements, row by row."""
 
     transition: Array
@@ -25,7 +25,7 @@ class LinearModel(NamedTuple):
     noise: Array
     """(T-1, B, n, n) covariance"""
     rows: Array
-    """(m, T, B, n)"""
+    """(m, n)"""
     measured: Array
     """(m, T, B); NaN: none"""
     variance: Array
@@ -36,7 +36,7 @@ class LinearModel(NamedTuple):
     """(B, n) and (B, n, n) before the first measurement"""
 
 
-def smooth(model: LinearModel) -> Gaussian:
+def smooth(model: StateSpace) -> Gaussian:
     """State at every step, given all measurements of its piece."""
     steps = model.measured.shape[1]
     mean, cov = model.start
@@ -49,15 +49,14 @@ def smooth(model: LinearModel) -> Gaussian:
             cov = move @ cov @ move.swapaxes(1, 2) + model.noise[k - 1]
         before.append((mean, cov))
         for row, measured, variance in zip(
-            model.rows[:, k], model.measured[:, k], model.variance, strict=True
+            model.rows, model.measured[:, k], model.variance, strict=True
         ):
             is_known = np.isfinite(measured)
             if not is_known.any():
                 continue
-            ph = np.einsum("bij,bj->bi", cov, row)
-            gain = ph / (np.einsum("bi,bi->b", row, ph) + variance)[:, None]
-            gain = gain * is_known[:, None]
-            error = np.where(is_known, measured - np.einsum("bi,bi->b", row, mean), 0.0)
+            ph = cov @ row
+            gain = np.where(is_known, 1.0 / (ph @ row + variance), 0.0)[:, None] * ph
+            error = np.where(is_known, measured - mean @ row, 0.0)
             mean = mean + gain * error[:, None]
             cov = cov - gain[:, :, None] * ph[:, None, :]
         after.append((mean, cov))

@@ -149,6 +149,16 @@ def test_a_standing_car_has_none_and_a_gap_restarts_the_estimate(place):
     assert np.all(x[x[:, 0] < 0.01, 1] == 0.0)
 
 
+def test_a_car_that_never_drives_fast_enough_for_a_fit_has_the_speed_of_rolling(place):
+    for seed, drive in enumerate(DRIVES):
+        slow = {**drive, "vx": 0.03 * drive["vx"]}
+        write_csv(place / "logs" / f"run_{seed}.csv", slow)
+    checks = "[checks]\naccept_units = true\n"
+    dataset, _ = imported(place, MAPPING + ACCELERATION + CAR + checks)
+    vx, vy, rate = dataset.recording.x[:, :3].T
+    np.testing.assert_allclose(vy, np.where(vx >= 0.3, REAR_M * rate, 0.0), atol=0.05)
+
+
 def test_a_pose_beside_the_centre_of_gravity_is_moved_there(place):
     for seed, drive in enumerate(DRIVES):
         cos, sin = np.cos(drive["yaw"]), np.sin(drive["yaw"])
@@ -163,6 +173,16 @@ def test_the_logs_can_stay_without_lateral_speed(place, capsys):
     assert dataset.schema.state_names == ("vx_mps", "yaw_rate_radps")
     assert figures["lateral_speed"] is None
     assert "do not drive" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("text", [MAPPING + POSE, MAPPING + ACCELERATION + CAR])
+def test_logs_without_a_stretch_long_enough_are_refused(place, text):
+    for seed, drive in enumerate(DRIVES):
+        short = {name: values[400:403] for name, values in drive.items()}
+        write_csv(place / "logs" / f"run_{seed}.csv", short)
+    (place / "map.toml").write_text(text)
+    with pytest.raises(DatasetError, match="at least 101 samples"):
+        run_import(place)
 
 
 def test_whole_drives_have_the_estimate_of_the_gateway():
