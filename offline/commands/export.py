@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from offline.commands.options import LATEST_RUN, RUNS, JsonFile, require_ready
-from offline.commands.terminal import STDERR, STDOUT
+from offline.commands.terminal import STDERR, STDOUT, print_plain, quoted
 from offline.config import PAST_STEPS
 from rt_controller.contract.errors import ArtifactError, ConfigError, RtControllerError
 from rt_controller.contract.figures import require_writable, write_figures
@@ -207,23 +207,22 @@ def _deliver(
         raise ConfigError(
             f"--output: expected a folder with room for a bundle, found {target}: {error.strerror}."
         ) from error
-    STDOUT.print(
+    print_plain(
         f"{bundle.name}: {stability_text(bundle)}; {driven_text(checks.stability)}; torch/ONNX "
-        f"{checks.parity:.1e}",
-        soft_wrap=True,
+        f"{checks.parity:.1e}\n{car.name}: {car.value}\ntrial: {trial}"
     )
-    STDOUT.print(f"{car.name}: {car.value}\ntrial: {trial}", soft_wrap=True)
     print_table(mse_table(comparison, comparison.sets[0]), STDOUT)
     objection = find_objection_to_driving(bundle)
-    drive = f"rt-controller --bus virtual --model {target}"
+    drive = f"rt-controller --bus virtual --model {quoted(target)}"
     steps = f"Drive with it:\n  {drive}"
     if isinstance(origin, Imported):
+        plant = quoted(f"model:{target}")
         steps = (
-            f"A quick look, with the model as the car too:\n  {drive} --plant model:{target}\n"
+            f"A quick look, with the model as the car too:\n  {drive} --plant {plant}\n"
             f"Better, a car that is fitted to the logs, two minutes:\n"
-            f"  offline-fit {folder} fitted.toml"
+            f"  offline-fit {quoted(folder)} fitted.toml"
         )
-    STDOUT.print(steps if objection is None else objection, soft_wrap=True, highlight=False)
+    print_plain(steps if objection is None else objection)
     persistence = checks.persistence_over_model.tolist()
     boxes = checks.stability._asdict()
     return {
@@ -302,14 +301,11 @@ def store_plans(model: Path, output: Path | None, is_tried: bool) -> dict[str, A
             f"Name another folder with --output."
         ) from error
     if replaced:
-        STDOUT.print(f"its own plans were replaced: {replaced}", soft_wrap=True, markup=False)
-    STDOUT.print(
+        print_plain(f"its own plans were replaced: {replaced}")
+    print_plain(
         f"{planned.name} {planned.sha256[:8]}: plans stored; ranges of its training data: "
         f"{'not known' if planned.validity is None else 'in the bundle'}; {trial}. Drive with it:\n"
-        f"  rt-controller --bus virtual --model {target}",
-        soft_wrap=True,
-        markup=False,
-        highlight=False,
+        f"  rt-controller --bus virtual --model {quoted(target)}"
     )
     return {
         "bundle": str(target),

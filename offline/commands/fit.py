@@ -4,13 +4,13 @@ import json
 from functools import partial
 from math import isfinite
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 from pydantic import Field
 
 from offline.commands.options import LATEST_RUN, JsonFile
-from offline.commands.terminal import STDERR, STDOUT
+from offline.commands.terminal import STDERR, STDOUT, print_plain, quoted
 from rt_controller.contract.errors import ConfigError, require_packages
 from rt_controller.contract.figures import require_writable, write_figures
 from rt_controller.contract.limits import DEFAULT_GEOMETRY
@@ -35,17 +35,6 @@ app = new_app(
     "DATA FITTED",
 )
 main = partial(run_command, app)
-
-
-class Figure(NamedTuple):
-    """A number of the fitted car, for the table and for `--json`."""
-
-    base: float
-    value: float
-    low: float
-    """of the 95 % interval; NaN if the drives do not tell the number"""
-    high: float
-    remark: str
 
 
 @app.default
@@ -105,8 +94,7 @@ def fit(
         result = fit_car(base, parameters, drives_of(dataset, ("train",)), windows, status.update)
         status.update("judging")
         after = judge(result.car, held_out)
-    figures = estimate_figures(result, base)
-    print_table(estimate_table(figures, result.windows), STDOUT)
+    print_table(values_table(result), STDOUT)
     judged = (
         "yaw rate, RMS error over RMS",
         "lateral speed, RMS error over RMS",
@@ -128,26 +116,22 @@ def fit(
         {
             "car_file": str(fitted),
             "windows": result.windows,
-            "parameters": {name: each._asdict() for name, each in figures.items()},
+            "parameters": {name: each._asdict() for name, each in result.values.items()},
             "held_out": after._asdict(),
             "held_out_before": before._asdict(),
         },
     )
     if after.speed_error_percent > FAR_OFF_PERCENT:
         others = [f"--car {each}" for each in shipped_cars() if each != car]
-        STDOUT.print(
+        print_plain(
             f"note: the speed is far off. A car with another engine or motor may fit better: "
-            f"{', '.join(others)}.",
-            soft_wrap=True,
-            highlight=False,
+            f"{', '.join(others)}."
         )
-    STDOUT.print(
+    print_plain(
         f"{fitted}\nNext, a drive of the model on this car:\n"
-        f"  rt-controller --bus virtual --car {fitted} --model {LATEST_RUN / 'bundle'}\n"
+        f"  rt-controller --bus virtual --car {quoted(fitted)} --model {LATEST_RUN / 'bundle'}\n"
         f"Then the bus or a log of the real car (docs/own-car.md):\n"
-        f"  rt-controller signals check MAPPING LOG",
-        soft_wrap=True,
-        highlight=False,
+        f"  rt-controller signals check MAPPING LOG"
     )
 
 
@@ -159,19 +143,7 @@ def _known_geometry(dataset: "Dataset") -> "SteeringGeometry | None":
     return geometry
 
 
-def estimate_figures(result: "CarFit", base: "Parameters") -> dict[str, Figure]:
-    """By name, which ends in the unit."""
-    figures = {}
-    for each in result.estimates:
-        remark = "at the bound" if each.is_at_bound else ""
-        if not each.is_told:
-            remark = "not told"
-        of_base = each.parameter.of(base)
-        figures[each.parameter.name] = Figure(of_base, *each.interval(base), remark)
-    return figures
-
-
-def estimate_table(figures: dict[str, Figure], windows: int) -> "Table":
+def values_table(result: "CarFit") -> "Table":
     """One row for each number."""
     from rt_controller.report.table import Column, Table, format_number
 
@@ -190,11 +162,11 @@ def estimate_table(figures: dict[str, Figure], windows: int) -> "Table":
             format_number(0.5 * (each.high - each.low), 2),
             each.remark,
         )
-        for name, each in figures.items()
+        for name, each in result.values.items()
     )
     notes = (
-        f"{windows} windows of the training drives. The unit ends the name; without one the number "
-        f"is dimensionless. What these logs do not tell stays as before.",
+        f"{result.windows} windows of the training drives. The unit ends the name; without one "
+        f"the number is dimensionless. What these logs do not tell stays as before.",
     )
     return Table("fitted car", columns, rows, notes)
 

@@ -9,11 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from offline.commands.terminal import STDERR, STDOUT
+from offline.commands.terminal import STDERR, STDOUT, print_plain, quoted
 from offline.data.dataset import exists, save_dataset
 from offline.data.manifest import CAR_OF_LOGS, Imported
 from offline.logs.completion import complete
 from offline.logs.episode import (
+    LEAST_SAMPLES,
     assign_parts,
     cut_drive,
     join_episodes,
@@ -67,7 +68,8 @@ def import_logs(
         line = read_line(mapping.pose) if mapping.pose else None
         sampled = [sample_drive(drive, mapping) for drive in drives]
         car, accuracy = None if mapping.car is None else mapping.car.car, None
-        if mapping.is_completed and any(sampled):
+        is_enough = any(len(part) >= LEAST_SAMPLES for parts in sampled for part in parts)
+        if mapping.is_completed and is_enough:
             status.update("estimating the lateral speed")
             sampled, accuracy = complete(sampled, drives, mapping)
             car = accuracy.car
@@ -83,17 +85,16 @@ def import_logs(
     for table in report_tables(report):
         print_table(table, STDOUT)
     for sentence in repeated:
-        STDOUT.print(f"note: {sentence}", soft_wrap=True, markup=False, highlight=False)
+        print_plain(f"note: {sentence}")
     if mapping.can is not None:
         from rt_controller.mapping.car_file import load_dbc  # cantools, for CAN logs only
 
         if note := load_dbc(mapping.can.dbc).note:
-            STDOUT.print(f"note: {note}", soft_wrap=True, markup=False)
+            print_plain(f"note: {note}")
     for sentence in (summary(report), *_limits_of_use(schema)):
         STDOUT.print(sentence)
     if accuracy is not None:
-        text_of_car = accuracy.sentences(mapping.car is not None)
-        STDOUT.print(text_of_car, soft_wrap=True, markup=False, highlight=False)
+        print_plain(accuracy.sentences(mapping.car is not None))
     others = [mapping.pose and mapping.pose.reference_line, mapping.can and mapping.can.dbc]
     figures = {
         "folder": None,
@@ -127,11 +128,10 @@ def import_logs(
         )
         figures |= {"folder": str(folder), "sha256": dataset.sha256}
         beginning = "--init mdk-net " if schema == VEHICLE else ""
-        STDOUT.print(
+        print_plain(
             f"SHA-256 {dataset.sha256:.16}…\n{folder}\nCar of its models: {CAR_OF_LOGS}.\n"
             f"Next, a few minutes:\n"
-            f"  offline-train --steps 2000 {beginning}--data {folder}",
-            soft_wrap=True,
+            f"  offline-train --steps 2000 {beginning}--data {quoted(folder)}"
         )
     return figures
 

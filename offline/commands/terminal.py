@@ -5,6 +5,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from shlex import quote
 from types import FrameType
 from typing import Any
 
@@ -14,6 +15,16 @@ STDOUT = Console()
 STDERR = Console(stderr=True)
 LINE_EVERY_S = 5.0
 """between two lines of progress that are not on a terminal"""
+
+
+def print_plain(text: str) -> None:
+    """Print a text that may contain paths: no markup, no colours, lines are not broken."""
+    STDOUT.print(text, soft_wrap=True, markup=False, highlight=False)
+
+
+def quoted(word: object) -> str:
+    """A path or name as one word of a command that is printed for the shell."""
+    return quote(str(word))
 
 
 @contextmanager

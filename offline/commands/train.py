@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from offline.campaign import THIS_MACHINE, Backend
 from offline.commands.options import RUNS, Config, DataFolder, JsonFile, require_ready
-from offline.commands.terminal import STDERR, STDOUT, progress_bar, stop_on_signals
+from offline.commands.terminal import STDERR, print_plain, progress_bar, quoted, stop_on_signals
 from offline.config import TrainingConfig, explicit_fields, resolve
 from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.figures import write_figures
@@ -190,18 +190,16 @@ def _run(
         "steps_per_s": (result.step - first_step) / max(wall_s, 1e-9),
     }
     if not result.is_finished:
-        STDOUT.print(
+        print_plain(
             f"Stopped after step {result.step} of {run.config.steps}; a checkpoint was written. "
-            f"Continue with:\n  offline-train --resume {run.path}",
-            soft_wrap=True,
+            f"Continue with:\n  offline-train --resume {quoted(run.path)}"
         )
         return figures, INTERRUPTED
-    name = f" --name {run.data_folder.name}" if isinstance(dataset.origin, Imported) else ""
+    name = f" --name {quoted(run.data_folder.name)}" if isinstance(dataset.origin, Imported) else ""
     early = "" if result.step >= run.config.steps else ", because the learning rate is too low"
-    STDOUT.print(
+    print_plain(
         f"Done after {result.step} steps in {wall_s:.0f} s{early}; best validation loss "
-        f"{result.best_validation_loss:.4f}. Next:\n  offline-export {run.path}{name}",
-        soft_wrap=True,
+        f"{result.best_validation_loss:.4f}. Next:\n  offline-export {quoted(run.path)}{name}"
     )
     return figures, 0
 

@@ -91,33 +91,22 @@ class Window:
     """(N_STATES,) `LEAD_S` before the begin"""
 
 
-@dataclass(frozen=True, slots=True)
-class Estimate:
-    """A parameter after the fit."""
+class FittedValue(NamedTuple):
+    """A number of the car before and after the fit."""
 
-    parameter: Fitted
-    coordinate: float
-    half_width: float
-    """of the 95 % interval of the coordinate; NaN if the drives do not tell it"""
-    is_at_bound: bool
-
-    @property
-    def is_told(self) -> bool:
-        return bool(np.isfinite(self.half_width))
-
-    def interval(self, base: Parameters) -> tuple[float, float, float]:
-        """Value, and low and high end of its 95 % interval; NaN if it is not told."""
-        ends = self.coordinate + np.array((0.0, -self.half_width, self.half_width))
-        inside = np.clip(ends, *self.parameter.bounds(base)).tolist()
-        value, low, high = (self.parameter.value(base, each) for each in inside)
-        return value, low, high
+    base: float
+    value: float
+    low: float
+    """of the 95 % interval; NaN if the drives do not tell the number"""
+    high: float
+    remark: str
 
 
 class CarFit(NamedTuple):
-    """The fitted car, its parameters, and the number of windows."""
+    """The fitted car, its numbers by name, and how many windows told them."""
 
     car: Parameters
-    estimates: tuple[Estimate, ...]
+    values: dict[str, FittedValue]
     windows: int
 
 
@@ -292,14 +281,20 @@ def fit_car(
     if is_told.any() and not is_told.all():
         solution = problem.solve(solution.at, is_told, solution.scales, 4)
         half_widths = _half_widths(solution, len(windows), is_told)
-    bounds = [each.bounds(base) for each in parameters]
-    estimates = tuple(
-        Estimate(each, float(at), float(half), not low + _STEP < at < high - _STEP)
-        for each, at, half, (low, high) in zip(
-            parameters, solution.at, half_widths, bounds, strict=True
-        )
-    )
-    return CarFit(car_with(base, parameters, solution.at), estimates, len(windows))
+    found = zip(parameters, solution.at, half_widths, strict=True)
+    values = {each.name: _value(base, each, float(at), float(half)) for each, at, half in found}
+    return CarFit(car_with(base, parameters, solution.at), values, len(windows))
+
+
+def _value(base: Parameters, parameter: Fitted, at: float, half_width: float) -> FittedValue:
+    """Of a coordinate and the half width of its interval, which is NaN if it is not told."""
+    lowest, highest = parameter.bounds(base)
+    inside = np.clip((at, at - half_width, at + half_width), lowest, highest).tolist()
+    remark = "" if lowest + _STEP < at < highest - _STEP else "at the bound"
+    if not isfinite(half_width):
+        remark = "not told"
+    value, low, high = (parameter.value(base, each) for each in inside)
+    return FittedValue(parameter.of(base), value, low, high, remark)
 
 
 class _Solution(NamedTuple):
