@@ -19,7 +19,7 @@ from sim_bridge.plant.shipped_cars import DEFAULT_CAR, shipped_cars
 
 if TYPE_CHECKING:
     from offline.data.dataset import Dataset
-    from offline.evaluation.car_fit import CarFit, Drive
+    from offline.evaluation.car_fit import CarFit, MeasuredDrive
     from rt_controller.contract.limits import SteeringGeometry
     from rt_controller.report.table import Table
     from sim_bridge.plant.parameters import Parameters
@@ -199,7 +199,7 @@ def to_toml(file: dict[str, Any]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def draw(car: "Parameters", drives: "list[Drive]", file: Path) -> None:
+def draw(car: "Parameters", drives: "list[MeasuredDrive]", file: Path) -> None:
     """A picture of at most 12 held-out windows, measured and simulated, each from its own start."""
     import numpy as np
 

@@ -54,7 +54,7 @@ LARGEST_HALF_WIDTH = log(2.0)
 
 
 @dataclass(frozen=True, slots=True)
-class Drive:
+class MeasuredDrive:
     """An episode of a data set."""
 
     inputs: Array
@@ -82,7 +82,7 @@ class Drive:
 class Window:
     """A part of a drive, and the state of the car from which its lead begins."""
 
-    drive: Drive
+    drive: MeasuredDrive
     begin: int
     """row of the first compared sample"""
     end: int
@@ -122,7 +122,7 @@ class Judgement(NamedTuple):
     judged_s: float
 
 
-def drives_of(dataset: Dataset, parts: Sequence[Part]) -> list[Drive]:
+def drives_of(dataset: Dataset, parts: Sequence[Part]) -> list[MeasuredDrive]:
     """The episodes of these parts.
 
     Raises:
@@ -164,13 +164,15 @@ def drives_of(dataset: Dataset, parts: Sequence[Part]) -> list[Drive]:
             if not is_compared:
                 measured[:, 1] = smooth[:, 1] = nan
             drives.append(
-                Drive(recording.u[rows][:, columns].astype(float), measured, smooth, schema.dt_s)
+                MeasuredDrive(
+                    recording.u[rows][:, columns].astype(float), measured, smooth, schema.dt_s
+                )
             )
     return drives
 
 
 def windows_of(
-    car: Parameters, drives: Iterable[Drive], length_s: float, most: int | None = None
+    car: Parameters, drives: Iterable[MeasuredDrive], length_s: float, most: int | None = None
 ) -> list[Window]:
     """Windows that follow each other, in which the car is faster than 3 m/s.
 
@@ -181,7 +183,7 @@ def windows_of(
     if most is not None and len(places) > most:
         places = [places[k] for k in np.linspace(0, len(places) - 1, most).round().astype(int)]
 
-    def window(place: tuple[Drive, int]) -> Window:
+    def window(place: tuple[MeasuredDrive, int]) -> Window:
         drive, begin = place
         until = begin - drive.periods(LEAD_S)
         since = max(0, until - drive.periods(_HISTORY_S))
@@ -193,20 +195,19 @@ def windows_of(
         return list(pool.map(window, places))
 
 
-def _begins(drive: Drive, length_s: float) -> list[int]:
+def _begins(drive: MeasuredDrive, length_s: float) -> list[int]:
     lead, length = drive.periods(LEAD_S), drive.periods(length_s)
-    speed_mps = drive.smooth[:, 0]
-    if speed_mps.max() > FASTEST_START_MPS:
-        return []
+    since, speed_mps = lead + drive.periods(_HISTORY_S), drive.smooth[:, 0]
     return [
         begin
         for begin in range(lead, len(speed_mps) - length, length)
         if speed_mps[begin - lead : begin + length].min() >= _LEAST_SPEED_MPS
+        and speed_mps[max(0, begin - since) : begin + length].max() <= FASTEST_START_MPS
     ]
 
 
 def _follow(
-    state: Array, car: Parameters, record: Array, drive: Drive, begin: int, end: int
+    state: Array, car: Parameters, record: Array, drive: MeasuredDrive, begin: int, end: int
 ) -> None:
     """Drive to row `end` with the motion set to the measured one at each row, in place."""
     motion = np.empty((drive.steps_per_period, 3))
@@ -248,7 +249,7 @@ def errors_of(car: Parameters, windows: Sequence[Window]) -> Array:
 def fit_car(
     base: Parameters,
     parameters: Sequence[Fitted],
-    drives: Sequence[Drive],
+    drives: Sequence[MeasuredDrive],
     most_windows: int,
     on_progress: Callable[[str], None] = lambda text: None,
 ) -> CarFit:
@@ -374,7 +375,7 @@ class _Problem:
         return _Solution(at, np.where(rms > 0.0, rms, 1.0), slopes, found.fun[known])
 
 
-def judge(car: Parameters, drives: Sequence[Drive]) -> Judgement:
+def judge(car: Parameters, drives: Sequence[MeasuredDrive]) -> Judgement:
     """Errors of the car on these drives.
 
     Raises:

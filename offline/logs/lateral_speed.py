@@ -122,9 +122,14 @@ def _most_likely(model: StateSpace, place: int, size_mps: float, pieces: Pieces)
 
 
 def _white_noise(values: Array, is_own: NDArray[np.bool_]) -> float:
-    """Standard deviation of white noise on smooth signals (B, T), from their third differences."""
-    third = np.diff(values, 3, axis=1)[is_own[:, 3:]]
-    return float(np.median(np.abs(third)) / 0.6745 / 20.0**0.5)
+    """Standard deviation of white noise on smooth signals (B, T), from their third differences.
+
+    At least 1e-4, and 1 of a signal that is not measured.
+    """
+    third = np.abs(np.diff(values, 3, axis=1)[is_own[:, 3:]])
+    if not np.isfinite(third).any():
+        return 1.0
+    return max(float(np.median(third) / 0.6745 / 20.0**0.5), 1e-4)
 
 
 def _mid(values: Array) -> Array:
@@ -212,7 +217,7 @@ def _pose_model(
     noise[..., 0, 0] = cos**2 * along + sin**2 * across
     noise[..., 1, 1] = sin**2 * along + cos**2 * across
     noise[..., 0, 1] = noise[..., 1, 0] = cos * sin * (along - across)
-    gyro = max(_white_noise(pieces.yaw_rate, pieces.is_own), 1e-4)
+    gyro = _white_noise(pieces.yaw_rate, pieces.is_own)
     noise[..., 2, 2], noise[..., 5, 5] = (gyro * dt) ** 2, 1e-10 * dt
     first = measured[:, 0].copy()
     measured = measured - first[:, None] * [1.0, 1.0, 0.0]
@@ -220,14 +225,14 @@ def _pose_model(
     start[:, 2] = yaw[:, 0]
     square = np.tile(np.diag([1.0, 1.0, 0.05, 0.0, 0.0, 1e-4]), (n, 1, 1))
     thin = measured[:, ::every], pieces.is_own[:, ::every]
-    sizes = [max(_white_noise(thin[0][..., i], thin[1]), 1e-4) for i in range(3)]
+    sizes = [_white_noise(thin[0][..., i], thin[1]) for i in range(3)]
     return StateSpace(
         transition,
         drift,
         noise,
         np.eye(4, 6),
         np.concatenate([measured.transpose(2, 1, 0), _rolling(pieces)[None]]),
-        np.nan_to_num(np.array([*sizes, ROLLING_MPS]) ** 2, nan=1.0),
+        np.array([*sizes, ROLLING_MPS]) ** 2,
         np.array([True, True, True, False]),
         Gaussian(start, square),
     )

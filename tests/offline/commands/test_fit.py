@@ -71,7 +71,7 @@ def run(app, *tokens):
 
 
 def test_the_parameters_of_the_logs_are_found_and_the_car_file_has_them(data, tmp_path, capsys):
-    file, figures = tmp_path / "own.toml", tmp_path / "fit.json"
+    file, figures = tmp_path / "own [b] car.toml", tmp_path / "fit.json"
     options = ("--car", BASE, "--windows", "8", "--json", str(figures), *ONLY)
     run(fit.app, str(data), str(file), *options, "--plot", str(tmp_path / "fit.png"))
     found = json.loads(figures.read_text())
@@ -91,7 +91,7 @@ def test_the_parameters_of_the_logs_are_found_and_the_car_file_has_them(data, tm
     assert car.brakes == base.brakes
     assert car.suspension == base.suspension
     assert (tmp_path / "fit.png").stat().st_size > 10_000
-    assert f"--car {file}" in capsys.readouterr().out
+    assert f"--car '{file}'" in capsys.readouterr().out
 
 
 def test_a_car_of_which_the_logs_tell_nothing_differs_by_what_is_stated(data, tmp_path):
