@@ -181,7 +181,7 @@ def estimate_figures(result: "CarFit", base: "Parameters") -> list[Figure]:
     found = zip(axle_stiffnesses_npr(base), axle_stiffnesses_npr(result.car), halves, strict=True)
     for name, (before, after, half) in zip(("front", "rear"), found, strict=True):
         ends = after, after - float(half), after + float(half)
-        figures.append(Figure(f"axle_stiffness_{name}_npr", before, *ends, "derived"))
+        figures.append(Figure(f"axle_stiffness_{name}_npr", before, *ends, ""))
     return figures
 
 
@@ -194,15 +194,13 @@ def estimate_table(figures: list[Figure], windows: int) -> "Table":
         Column("before"),
         Column("fitted"),
         Column("± (95 %)"),
-        Column("remark", is_text=True),
     )
     rows = tuple(
         (
             each.name,
             format_number(each.base),
             format_number(each.value),
-            format_number(0.5 * (each.high - each.low), 2),
-            each.remark,
+            each.remark or format_number(0.5 * (each.high - each.low), 2),
         )
         for each in figures
     )
