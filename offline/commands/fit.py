@@ -152,15 +152,13 @@ def values_table(result: "CarFit") -> "Table":
         Column("before"),
         Column("fitted"),
         Column("± (95 %)"),
-        Column("remark", is_text=True),
     )
     rows = tuple(
         (
             name,
             format_number(each.base),
             format_number(each.value),
-            format_number(0.5 * (each.high - each.low), 2),
-            each.remark,
+            each.remark or format_number(0.5 * (each.high - each.low), 2),
         )
         for name, each in result.values.items()
     )

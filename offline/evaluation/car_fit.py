@@ -6,7 +6,8 @@ engine, gear, brake pressure) comes from a drive before it in which these three 
 measured ones.
 
 The residuals within a window are correlated: a wrong start or an unmodelled slope acts to its end.
-So the covariance is that of whole windows (White, Econometrica 48, 1980, for clusters).
+So the covariance is the jackknife over whole windows, to first order (Bell and McCaffrey, Survey
+Methodology 28, 2002, as CR3).
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -270,7 +271,7 @@ def fit_car(
     few = _Problem(base, parameters, windows[:: ceil(len(windows) / _FEW)], on_progress)
     coarse = few.solve(np.zeros(len(parameters)), is_told, _FIRST_SCALES)
     coarse = few.solve(coarse.at, is_told, coarse.scales)
-    solution = problem.solve(coarse.at, is_told, coarse.scales, 3)
+    solution = problem.solve(coarse.at, is_told, coarse.scales, 12)
     half_widths = _half_widths(solution, len(windows), is_told)
     # A wide interval without the base car's value in it says that this value is wrong.
     while np.any(
@@ -314,12 +315,13 @@ def _half_widths(solution: _Solution, windows: int, is_free: NDArray[np.bool_]) 
     J, m = solution.jacobian[:, is_free], int(np.count_nonzero(is_free))
     prior, information = np.eye(m) / _PRIOR**2, J.T @ J
     residuals = solution.residuals.reshape(windows, -1)
-    scores = np.einsum("wrm,wr->wm", J.reshape(*residuals.shape, m), residuals)
-    spread = scores.T @ scores * windows / (windows - 1.0)
+    windows_J = J.reshape(*residuals.shape, m)
+    scores = np.einsum("wrm,wr->wm", windows_J, residuals)
     inverse = np.linalg.inv(information + prior)
-    # Few windows say little about single directions; so share what all have in common.
-    common = information * np.trace(inverse @ spread) / max(m, 1)
-    spread = (windows * spread + m * common) / (windows + m)
+    # Each window's score at the solution without that window, which is the jackknife.
+    grams = np.einsum("wrm,wrn->wmn", windows_J, windows_J)
+    scores = np.linalg.solve(np.eye(m) - grams @ inverse, scores[..., None])[..., 0]
+    spread = scores.T @ scores * (windows - 1.0) / windows
     covariance = inverse @ (spread + prior) @ inverse
     half_widths = np.full(len(is_free), nan)
     half_widths[is_free] = student_t.ppf(0.975, windows - 1) * np.sqrt(np.diag(covariance))
