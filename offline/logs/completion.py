@@ -33,8 +33,6 @@ from rt_controller.mapping.quantity import Quantity
 VX, VY, YAW_RATE = "vx_mps", "vy_mps", "yaw_rate_radps"
 _SLOPE_S = 0.25
 """window in which a heading is a parabola"""
-_COURSE_S = 0.5
-"""the same for a position"""
 _UNKNOWN_M = 0.15
 """standard deviation of the place of the rear axle if [car] does not give it"""
 
@@ -121,11 +119,7 @@ def _motion(part: LogEpisode, log: int, mapping: LogMapping, car: Car) -> Motion
     if YAW_RATE in signals:
         rate = signals[YAW_RATE].to_numpy()
     else:
-        yaw, window_s = part.pose[:, 2], _SLOPE_S
-        if not np.isfinite(yaw).all():
-            way = _slope(part.pose[:, :2], _COURSE_S, mapping.period_s)
-            yaw, window_s = np.unwrap(np.arctan2(way[:, 1], way[:, 0])), _COURSE_S
-        rate = _slope(yaw, window_s, mapping.period_s)
+        rate = _slope(part.pose[:, 2], mapping.period_s)
         rate = np.where(signals[VX] < STANDING_MPS, 0.0, rate)
     ay = next((n for n in signals if mapping.quantity(n) is Quantity.LATERAL_ACCELERATION), None)
     steer = mapping.name_of(Quantity.STEERING)
@@ -140,12 +134,12 @@ def _motion(part: LogEpisode, log: int, mapping: LogMapping, car: Car) -> Motion
     )
 
 
-def _slope(values: Array, window_s: float, period_s: float) -> Array:
-    """Slope (T, ...) of a parabola through the window around each sample."""
-    width = min(2 * round(0.5 * window_s / period_s) + 1, len(values) - 1 + len(values) % 2)
+def _slope(values: Array, period_s: float) -> Array:
+    """Slope (T,) of a parabola through the window around each sample."""
+    width = min(2 * round(0.5 * _SLOPE_S / period_s) + 1, len(values) - 1 + len(values) % 2)
     if width < 3:
         return np.zeros_like(values)
-    return np.asarray(savgol_filter(values, width, 2, deriv=1, delta=period_s, axis=0))
+    return np.asarray(savgol_filter(values, width, 2, deriv=1, delta=period_s))
 
 
 def _estimate(

@@ -85,6 +85,11 @@ class ChecksSettings(Settings):
     """second measurements of the motion; no part of the data set"""
 
 
+GEOGRAPHIC_WITH_LINE = (
+    "expected x and y in the frame of the reference_line, found degrees, which become m from the "
+    "first point of each log. Give positions in m, or leave the reference_line out"
+)
+
 CAR_STATES = VEHICLE.state_names[: -len(PATH_STATES)]
 """states that a log must have so that a road can be placed under the drive"""
 
@@ -133,10 +138,9 @@ class LogMapping(CarSignals):
 
     @property
     def is_completed(self) -> bool:
-        """True if the lateral speed is estimated: logs have speed and yaw rate or pose without."""
-        has_motion = "vx_mps" in self.states and (
-            "yaw_rate_radps" in self.states or self.pose is not None
-        )
+        """True if the lateral speed is estimated: logs have speed and yaw rate or heading."""
+        has_heading = self.pose is not None and self.pose.yaw is not None
+        has_motion = "vx_mps" in self.states and ("yaw_rate_radps" in self.states or has_heading)
         is_measured = any(self.quantity(each) is Quantity.LATERAL_SPEED for each in self.states)
         return self.lateral_speed == "estimated" and has_motion and not is_measured
 
@@ -183,16 +187,12 @@ class LogMapping(CarSignals):
         mistakes = []
         if pose.yaw is None and (not self.is_completed or pose.ahead_m or pose.left_m):
             mistakes.append(
-                "pose.yaw: expected a heading for a measured vy_mps, or for a pose beside the "
-                "centre of gravity, found none. Map the heading; without both it is computed "
-                "from the course"
+                "pose.yaw: expected a heading, found none. It is computed from the course only if "
+                "yaw_rate_radps is mapped, v_y is estimated, and the pose is that of the centre of "
+                "gravity. Map the heading or, for the first, yaw_rate_radps; or leave [pose] out"
             )
         if pose.is_geographic and pose.reference_line is not None:
-            mistakes.append(
-                "pose: expected x and y in the frame of the reference_line, found degrees, which "
-                "become m from the first point of each log. Give positions in m, or leave the "
-                "reference_line out"
-            )
+            mistakes.append(f"pose: {GEOGRAPHIC_WITH_LINE}")
         return mistakes
 
     @model_validator(mode="after")

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from offline.logs.mapping import LogMapping
+from offline.logs.mapping import GEOGRAPHIC_WITH_LINE, LogMapping
 from offline.logs.readers.log import Log, LogColumn
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.errors import DatasetError
@@ -108,12 +108,15 @@ def to_drive(log: Log, mapping: LogMapping) -> LoggedDrive:
     )
     poses: list[tuple[LogSignal, float]] = []
     for (name, unit, steepest), pose in zip(POSE_SIGNALS, mapping.pose_columns, strict=False):
-        signal = _to_signal(log, mapping, begin_s, name, pose, "rad" if is_angle(pose) else unit)
+        own = pose.unit or log.column(*pose.names, file=pose.file).unit
+        signal = _to_signal(log, mapping, begin_s, name, pose, "rad" if is_angle(own) else unit)
         if signal.unit == "rad":
             signal = replace(signal, values=np.unwrap(signal.values))
         poses.append((signal, steepest))
-    if mapping.pose is not None and mapping.pose.is_geographic:
+    if any(signal.unit == "rad" for signal, _ in poses[:2]):
         (east, _), (north, _) = poses[:2]
+        if mapping.pose is not None and mapping.pose.reference_line is not None:
+            raise DatasetError(f"{east.column.place}: {GEOGRAPHIC_WITH_LINE}.")
         for i, signal in enumerate(_on_plane(east, north)):
             poses[i] = signal, poses[i][1]
     found = tuple(_without_jumps(signal, steepest) for signal, steepest in poses)
@@ -125,6 +128,12 @@ def _on_plane(longitude: LogSignal, latitude: LogSignal) -> tuple[LogSignal, Log
 
     With the radii of curvature of the meridian and of the prime vertical there.
     """
+    if longitude.unit != latitude.unit:
+        raise DatasetError(
+            f"{longitude.column.place}, and {latitude.column.place}: expected x and y both in m, "
+            f"or longitude and latitude in deg, found {longitude.unit} and {latitude.unit}. "
+            f"Correct their columns or units in [pose]."
+        )
     outside = np.flatnonzero(np.abs(latitude.values) > 0.5 * np.pi)
     if len(outside):
         raise DatasetError(

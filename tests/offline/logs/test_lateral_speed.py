@@ -43,6 +43,7 @@ x = { column = "longitude", unit = "deg" }
 y = { column = "latitude", unit = "deg" }
 yaw = { column = "compass", unit = "deg", sign = -1, offset = -90.0 }
 """
+DEGREES_OF_THE_FILE = DEGREES.replace('itude", unit = "deg"', 'itude"')
 LATITUDE_DEG = 48.0
 EAST_M, NORTH_M = 74624.0, 111200.0
 """per degree, at that latitude on the ellipsoid"""
@@ -87,8 +88,8 @@ def make_car_drive(seed, duration_s=40.0, dt_s=0.005):
         "x": x,
         "y": y,
         "yaw": yaw,
-        "longitude": 11.0 + x / EAST_M,
-        "latitude": LATITUDE_DEG + y / NORTH_M,
+        "longitude [deg]": 11.0 + x / EAST_M,
+        "latitude [deg]": LATITUDE_DEG + y / NORTH_M,
         "compass": np.mod(90.0 - np.degrees(yaw), 360.0),
     }
 
@@ -116,6 +117,7 @@ def imported(place, text):
     [
         (MAPPING + POSE, "pose", 0.05),
         (MAPPING + DEGREES, "pose", 0.05),
+        (MAPPING + DEGREES_OF_THE_FILE, "pose", 0.05),
         (MAPPING + WITHOUT_YAW, "pose", 0.05),
         (MAPPING.replace("yaw_rate_radps", "#") + POSE, "pose", 0.05),
         (MAPPING + ACCELERATION + CAR, "lateral acceleration", 0.05),
@@ -176,8 +178,23 @@ def test_whole_drives_have_the_estimate_of_the_gateway():
     ("text", "error", "message"),
     [
         (MAPPING + POSE.replace('"x", unit = "m"', '"x", unit = "deg"'), ConfigError, "both in m"),
-        (MAPPING + WITHOUT_YAW + "ahead_m = 1.0\n", ConfigError, "beside the centre of gravity"),
+        (MAPPING + WITHOUT_YAW + "ahead_m = 1.0\n", ConfigError, "that of the centre of gravity"),
+        (
+            MAPPING.replace("yaw_rate_radps", "#") + WITHOUT_YAW,
+            ConfigError,
+            "only if yaw_rate_radps is mapped",
+        ),
+        (
+            MAPPING + DEGREES_OF_THE_FILE.replace('"latitude"', '"y", unit = "m"'),
+            DatasetError,
+            "x and y both in m, or longitude and latitude in deg, found rad and m",
+        ),
         (MAPPING + DEGREES + 'reference_line = "a.csv"\n', ConfigError, "frame of the reference"),
+        (
+            MAPPING + DEGREES_OF_THE_FILE + 'reference_line = "a.csv"\n',
+            DatasetError,
+            "frame of the reference",
+        ),
         (
             MAPPING + DEGREES.replace('"latitude"', '"compass"'),
             DatasetError,
