@@ -145,10 +145,12 @@ def fit(
             soft_wrap=True,
             highlight=False,
         )
+    bundle = LATEST_RUN / "bundle"
+    model = f" --model {bundle}" if bundle.is_dir() else ""
     STDOUT.print(
-        f"{fitted}\nNext, a drive of the model on this car:\n"
-        f"  rt-controller --bus virtual --car {fitted} --model {LATEST_RUN / 'bundle'}\n"
-        f"Then the bus or a log of the real car (docs/own-car.md):\n"
+        f"{fitted}\nNext, a drive on this car:\n"
+        f"  rt-controller --bus virtual --car {fitted}{model}\n"
+        f"Then the bus or a log of the real car, with a mapping for driving (docs/own-car.md):\n"
         f"  rt-controller signals check MAPPING LOG",
         soft_wrap=True,
         highlight=False,

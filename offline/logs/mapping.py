@@ -114,9 +114,11 @@ class LogMapping(CarSignals):
 
     @property
     def slots(self) -> tuple[Slot, ...]:
-        """The same with what makes a number a measurement."""
-        poses = zip(("x", "y", "yaw"), self.pose_columns, strict=False)
-        return (*slots_of("signals", self.read_signals.items()), *slots_of("pose", poses))
+        """The same with what makes a number a measurement; positions may be in deg in the log."""
+        names = zip(("x", "y", "yaw"), self.pose_columns, strict=False)
+        x_y_yaw = slots_of("pose", names)
+        poses = (each if each.name == "pose.yaw" else each._replace(si="") for each in x_y_yaw)
+        return (*slots_of("signals", self.read_signals.items()), *poses)
 
     @property
     def read_signals(self) -> dict[str, SignalMapping]:
@@ -223,15 +225,16 @@ class LogMapping(CarSignals):
                     f"roles.{role}: expected names among {', '.join(known)}, found "
                     f"{', '.join(unknown)}"
                 )
-        if self.places_roads and (self.car_states != CAR_STATES or self.exogenous):
+        of_pose = [] if self.pose is None else self._pose_mistakes(self.pose)
+        has_states = self.car_states == CAR_STATES and not self.exogenous
+        if self.places_roads and not has_states and not of_pose:
             mistakes.append(
                 f"pose without a reference_line: expected the states {', '.join(CAR_STATES)} in "
                 f"this order and no exogenous signal, so that roads can be placed under the "
                 f"drives, found {', '.join((*self.states, *self.exogenous))}. Name a "
                 f"reference_line, or leave [pose] out"
             )
-        if self.pose is not None:
-            mistakes += self._pose_mistakes(self.pose)
+        mistakes += of_pose
         if mistakes:
             raise ValueError("\n".join(mistakes))
         return self
