@@ -33,6 +33,8 @@ from rt_controller.mapping.quantity import Quantity
 VX, VY, YAW_RATE = "vx_mps", "vy_mps", "yaw_rate_radps"
 _SLOPE_S = 0.25
 """window in which a heading is a parabola"""
+LEAST_INERTIA_M = 0.01
+"""a smaller `yaw_inertia_m` is no car's: it is about as long as `rear_axle_m`"""
 _UNKNOWN_M = 0.15
 """standard deviation of the place of the rear axle if [car] does not give it"""
 
@@ -68,10 +70,16 @@ class Accuracy(NamedTuple):
             names = ["wheelbase_m", "steering_ratio", *names]
         rows = "".join(f"\n{name} = {getattr(self.car, name):.4g}" for name in names)
         default = "" if is_of_mapping else " (without [car]: geometry of the default car)"
+        wrong, inertia_m = "", self.car.yaw_inertia_m
+        if inertia_m is not None and inertia_m < LEAST_INERTIA_M:
+            wrong = (
+                "\nnote: no car has a yaw_inertia_m of nearly 0, so this v_y may be wrong. Check "
+                "ahead_m, left_m and the heading in [pose], delay_s, and [car]."
+            )
         return (
             f"v_y is not in the logs: estimated from {self.way}{default}, standard deviation "
             f"{self.std_mps:.3f} m/s{against}. rt-controller estimates it with the same constants, "
-            f"which models of this data set carry; for the mapping of the car:\n[car]{rows}"
+            f"which models of this data set carry; for the mapping of the car:\n[car]{rows}{wrong}"
         )
 
 

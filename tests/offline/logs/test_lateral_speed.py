@@ -151,13 +151,15 @@ def test_a_standing_car_has_none_and_a_gap_restarts_the_estimate(place):
     assert np.all(x[x[:, 0] < 0.01, 1] == 0.0)
 
 
-def test_a_pose_beside_the_centre_of_gravity_is_moved_there(place):
+@pytest.mark.parametrize(("ahead_m", "is_wrong"), [(-1.3, False), (1.3, True)])
+def test_a_pose_beside_the_centre_of_gravity_is_moved_there(place, capsys, ahead_m, is_wrong):
     for seed, drive in enumerate(DRIVES):
         cos, sin = np.cos(drive["yaw"]), np.sin(drive["yaw"])
         moved = {"x": drive["x"] - 1.3 * cos - 0.4 * sin, "y": drive["y"] - 1.3 * sin + 0.4 * cos}
         write_csv(place / "logs" / f"run_{seed}.csv", {**drive, **moved})
-    _, figures = imported(place, MAPPING + POSE + "ahead_m = -1.3\nleft_m = 0.4\n")
-    assert figures["lateral_speed"]["rms_mps"] < 0.05
+    _, figures = imported(place, MAPPING + POSE + f"ahead_m = {ahead_m}\nleft_m = 0.4\n")
+    assert (figures["lateral_speed"]["rms_mps"] > 0.05) == is_wrong
+    assert ("this v_y may be wrong. Check ahead_m" in capsys.readouterr().out) == is_wrong
 
 
 def test_the_logs_can_stay_without_lateral_speed(place, capsys):
@@ -190,6 +192,11 @@ def test_whole_drives_have_the_estimate_of_the_gateway():
             "x and y both in m, or longitude and latitude in deg, found rad and m",
         ),
         (MAPPING + DEGREES + 'reference_line = "a.csv"\n', ConfigError, "frame of the reference"),
+        (
+            MAPPING + DEGREES.replace(", offset = -90.0", ""),
+            DatasetError,
+            r"direction of motion of the pose = pose\.yaw: .*offset = -90 in deg",
+        ),
         (
             MAPPING + DEGREES_OF_THE_FILE + 'reference_line = "a.csv"\n',
             DatasetError,
