@@ -127,10 +127,12 @@ def fit(
             f"note: the speed is far off. A car with another engine or motor may fit better: "
             f"{', '.join(others)}."
         )
+    bundle = LATEST_RUN / "bundle"
+    model = f" --model {bundle}" if bundle.is_dir() else ""
     print_plain(
-        f"{fitted}\nNext, a drive of the model on this car:\n"
-        f"  rt-controller --bus virtual --car {quoted(fitted)} --model {LATEST_RUN / 'bundle'}\n"
-        f"Then the bus or a log of the real car (docs/own-car.md):\n"
+        f"{fitted}\nNext, a drive on this car:\n"
+        f"  rt-controller --bus virtual --car {quoted(fitted)}{model}\n"
+        f"Then the bus or a log of the real car, with a mapping for driving (docs/own-car.md):\n"
         f"  rt-controller signals check MAPPING LOG"
     )
 

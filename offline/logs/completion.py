@@ -35,8 +35,8 @@ CONSTANTS = ("rear_axle_m", "rear_slip_s2_per_m", "yaw_inertia_m")
 """of the equation of the rear axle, as [car] has them"""
 _SLOPE_S = 0.25
 """window in which a heading is a parabola"""
-_COURSE_S = 0.5
-"""the same for a position"""
+LEAST_INERTIA_M = 0.01
+"""a smaller `yaw_inertia_m` is no car's: it is about as long as `rear_axle_m`"""
 _UNKNOWN_M = 0.15
 """standard deviation of the place of the rear axle if [car] does not give it"""
 
@@ -65,10 +65,16 @@ class Accuracy(NamedTuple):
         names = CONSTANTS if is_of_mapping else ("wheelbase_m", "steering_ratio", *CONSTANTS)
         rows = "".join(f"\n{name} = {getattr(self.car, name):.4g}" for name in names)
         default = "" if is_of_mapping else " (without [car]: geometry of the default car)"
+        wrong, inertia_m = "", self.car.yaw_inertia_m
+        if inertia_m is not None and inertia_m < LEAST_INERTIA_M:
+            wrong = (
+                "\nnote: no car has a yaw_inertia_m of nearly 0, so this v_y may be wrong. Check "
+                "ahead_m, left_m and the heading in [pose], delay_s, and [car]."
+            )
         return (
             f"v_y is not in the logs: estimated from {self.way}{default}, standard deviation "
             f"{self.std_mps:.3f} m/s{against}. rt-controller estimates it with the same constants, "
-            f"which models of this data set carry; for the mapping of the car:\n[car]{rows}"
+            f"which models of this data set carry; for the mapping of the car:\n[car]{rows}{wrong}"
         )
 
 
@@ -116,11 +122,7 @@ def _motion(part: LogEpisode, log: int, mapping: LogMapping, car: Car) -> Measur
     if YAW_RATE in signals:
         rate = signals[YAW_RATE].to_numpy()
     else:
-        yaw, window_s = part.pose[:, 2], _SLOPE_S
-        if not np.isfinite(yaw).all():
-            way = _slope(part.pose[:, :2], _COURSE_S, mapping.period_s)
-            yaw, window_s = np.unwrap(np.arctan2(way[:, 1], way[:, 0])), _COURSE_S
-        rate = _slope(yaw, window_s, mapping.period_s)
+        rate = _slope(part.pose[:, 2], mapping.period_s)
         rate = np.where(signals[VX] < STANDING_MPS, 0.0, rate)
     ay = next((n for n in signals if mapping.quantity(n) is Quantity.LATERAL_ACCELERATION), None)
     steer = mapping.name_of(Quantity.STEERING)
@@ -135,12 +137,12 @@ def _motion(part: LogEpisode, log: int, mapping: LogMapping, car: Car) -> Measur
     )
 
 
-def _slope(values: Array, window_s: float, period_s: float) -> Array:
-    """Slope (T, ...) of a parabola through the window around each sample."""
-    width = min(2 * round(0.5 * window_s / period_s) + 1, len(values) - 1 + len(values) % 2)
+def _slope(values: Array, period_s: float) -> Array:
+    """Slope (T,) of a parabola through the window around each sample."""
+    width = min(2 * round(0.5 * _SLOPE_S / period_s) + 1, len(values) - 1 + len(values) % 2)
     if width < 3:
         return np.zeros_like(values)
-    return np.asarray(savgol_filter(values, width, 2, deriv=1, delta=period_s, axis=0))
+    return np.asarray(savgol_filter(values, width, 2, deriv=1, delta=period_s))
 
 
 def _estimate(

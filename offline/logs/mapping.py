@@ -85,6 +85,11 @@ class ChecksSettings(Settings):
     """second measurements of the motion; no part of the data set"""
 
 
+GEOGRAPHIC_WITH_LINE = (
+    "expected x and y in the frame of the reference_line, found degrees, which become m from the "
+    "first point of each log. Give positions in m, or leave the reference_line out"
+)
+
 CAR_STATES = VEHICLE.state_names[: -len(PATH_STATES)]
 """states that a log must have so that a road can be placed under the drive"""
 
@@ -109,9 +114,11 @@ class LogMapping(CarSignals):
 
     @property
     def slots(self) -> tuple[Slot, ...]:
-        """The same with what makes a number a measurement."""
-        poses = zip(("x", "y", "yaw"), self.pose_columns, strict=False)
-        return (*slots_of("signals", self.read_signals.items()), *slots_of("pose", poses))
+        """The same with what makes a number a measurement; positions may be in deg in the log."""
+        names = zip(("x", "y", "yaw"), self.pose_columns, strict=False)
+        x_y_yaw = slots_of("pose", names)
+        poses = (each if each.name == "pose.yaw" else each._replace(si="") for each in x_y_yaw)
+        return (*slots_of("signals", self.read_signals.items()), *poses)
 
     @property
     def read_signals(self) -> dict[str, SignalMapping]:
@@ -133,10 +140,9 @@ class LogMapping(CarSignals):
 
     @property
     def is_completed(self) -> bool:
-        """True if the lateral speed is estimated: logs have speed and yaw rate or pose without."""
-        has_motion = "vx_mps" in self.states and (
-            "yaw_rate_radps" in self.states or self.pose is not None
-        )
+        """True if the lateral speed is estimated: logs have speed and yaw rate or heading."""
+        has_heading = self.pose is not None and self.pose.yaw is not None
+        has_motion = "vx_mps" in self.states and ("yaw_rate_radps" in self.states or has_heading)
         is_measured = any(self.quantity(each) is Quantity.LATERAL_SPEED for each in self.states)
         return self.lateral_speed == "estimated" and has_motion and not is_measured
 
@@ -183,16 +189,12 @@ class LogMapping(CarSignals):
         mistakes = []
         if pose.yaw is None and (not self.is_completed or pose.ahead_m or pose.left_m):
             mistakes.append(
-                "pose.yaw: expected a heading for a measured vy_mps, or for a pose beside the "
-                "centre of gravity, found none. Map the heading; without both it is computed "
-                "from the course"
+                "pose.yaw: expected a heading, found none. It is computed from the course only if "
+                "yaw_rate_radps is mapped, v_y is estimated, and the pose is that of the centre of "
+                "gravity. Map the heading or, for the first, yaw_rate_radps; or leave [pose] out"
             )
         if pose.is_geographic and pose.reference_line is not None:
-            mistakes.append(
-                "pose: expected x and y in the frame of the reference_line, found degrees, which "
-                "become m from the first point of each log. Give positions in m, or leave the "
-                "reference_line out"
-            )
+            mistakes.append(f"pose: {GEOGRAPHIC_WITH_LINE}")
         return mistakes
 
     @model_validator(mode="after")
@@ -223,15 +225,16 @@ class LogMapping(CarSignals):
                     f"roles.{role}: expected names among {', '.join(known)}, found "
                     f"{', '.join(unknown)}"
                 )
-        if self.places_roads and (self.car_states != CAR_STATES or self.exogenous):
+        of_pose = [] if self.pose is None else self._pose_mistakes(self.pose)
+        has_states = self.car_states == CAR_STATES and not self.exogenous
+        if self.places_roads and not has_states and not of_pose:
             mistakes.append(
                 f"pose without a reference_line: expected the states {', '.join(CAR_STATES)} in "
                 f"this order and no exogenous signal, so that roads can be placed under the "
                 f"drives, found {', '.join((*self.states, *self.exogenous))}. Name a "
                 f"reference_line, or leave [pose] out"
             )
-        if self.pose is not None:
-            mistakes += self._pose_mistakes(self.pose)
+        mistakes += of_pose
         if mistakes:
             raise ValueError("\n".join(mistakes))
         return self

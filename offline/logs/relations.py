@@ -40,6 +40,7 @@ STEERING, PEDAL, SAME_MOTION = (0.0, 0.1, 0.2), (-0.05, 0.1, 0.6), (-0.05, 0.0, 
 LEAST_AGREEMENT = 0.74
 """of two records of one motion: a factor of 1.35 either way"""
 _POSE_YAW_RATE, _POSE_SPEED, _GAINED = "slope of the pose's yaw", "speed of the pose", "slope of "
+_OF_COURSE = " (a compass is sign = -1, offset = -90 in deg; or x and y are exchanged?)"
 _SLOTS = {
     Quantity.SPEED: relations.VX,
     Quantity.LATERAL_SPEED: relations.VY,
@@ -154,9 +155,10 @@ def compare_signals(
     found = {file: relations.check_relations(tracks, rows) for file, tracks in logs.items()}
     issues = [
         Issue(
-            "units" if isfinite(each.factor) else "relation",
+            "units" if isfinite(each.factor) or text == relations.COURSE_OF_POSE else "relation",
             file,
-            f"{text}: {each.answer.removeprefix('yes, ')}{_guess(each.factor)}",
+            f"{text}: {each.answer.removeprefix('yes, ')}{_guess(each.factor)}"
+            f"{_OF_COURSE if text == relations.COURSE_OF_POSE else ''}",
         )
         for file, of_log in found.items()
         for text, each in of_log.items()

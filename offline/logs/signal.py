@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from offline.logs.mapping import LogMapping
+from offline.logs.mapping import GEOGRAPHIC_WITH_LINE, LogMapping
 from offline.logs.readers.log import Log, LogColumn
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.errors import DatasetError
@@ -108,11 +108,14 @@ def to_drive(log: Log, mapping: LogMapping) -> LoggedDrive:
     )
     poses = []
     for (name, unit, _), pose in zip(POSE_SIGNALS, mapping.pose_columns, strict=False):
-        signal = _to_signal(log, mapping, begin_s, name, pose, "rad" if is_angle(pose) else unit)
+        own = pose.unit or log.column(*pose.names, file=pose.file).unit
+        signal = _to_signal(log, mapping, begin_s, name, pose, "rad" if is_angle(own) else unit)
         if signal.unit == "rad":
             signal = replace(signal, values=np.unwrap(signal.values))
         poses.append(signal)
-    if mapping.pose is not None and mapping.pose.is_geographic:
+    if any(signal.unit == "rad" for signal in poses[:2]):
+        if mapping.pose is not None and mapping.pose.reference_line is not None:
+            raise DatasetError(f"{poses[0].column.place}: {GEOGRAPHIC_WITH_LINE}.")
         poses[:2] = _on_plane(*poses[:2])
     steepest = (each for _, _, each in POSE_SIGNALS)
     found = tuple(map(_without_jumps, poses, steepest))
@@ -124,6 +127,12 @@ def _on_plane(longitude: LogSignal, latitude: LogSignal) -> tuple[LogSignal, Log
 
     With the radii of curvature of the meridian and of the prime vertical there.
     """
+    if longitude.unit != latitude.unit:
+        raise DatasetError(
+            f"{longitude.column.place}, and {latitude.column.place}: expected x and y both in m, "
+            f"or longitude and latitude in deg, found {longitude.unit} and {latitude.unit}. "
+            f"Correct their columns or units in [pose]."
+        )
     outside = np.flatnonzero(np.abs(latitude.values) > 0.5 * np.pi)
     if len(outside):
         raise DatasetError(

@@ -153,6 +153,9 @@ class CarFile(NamedTuple):
     line: ReferenceLine | None
 
 
+FOR_DRIVING = "A mapping for driving has this table: docs/own-car.md."
+
+
 def read_car(path: Path) -> CarFile:
     """The mapping in a TOML file, its DBC and its line. Paths in it are relative to the file.
 
@@ -162,7 +165,8 @@ def read_car(path: Path) -> CarFile:
         DatasetError: the reference line is damaged.
     """
     text = read_own(path, "mapping", "docs/own-car.md has one to start from.")
-    mapping = parse(text, TypeAdapter(DrivingMapping), str(path), context=path.parent)
+    remedies = dict.fromkeys(("commands", "reference", "mission"), FOR_DRIVING)
+    mapping = parse(text, TypeAdapter(DrivingMapping), str(path), path.parent, remedies)
     database = load_dbc(mapping.can.dbc)
     known = {message.name for message in database.messages}
     unknown = [name for name in mapping.messages if name not in known]

@@ -45,6 +45,7 @@ X, Y, YAW = "pose.x", "pose.y", "pose.yaw"
 WHEEL, COMMANDED = "inputs.steer_rad", "commands.steer_rad"
 ENGAGE, CAR_BRAKES = "mission.engage", "mission.car_brakes"
 TURN_OF_POSE, SPEED_OF_POSE = "slope of pose.yaw = yaw rate", "speed of the pose = v_x"
+COURSE_OF_POSE = "direction of motion of the pose = pose.yaw"
 
 
 class Relation(NamedTuple):
@@ -125,7 +126,7 @@ def relations_of(geometry: SteeringGeometry | None) -> tuple[Relation, ...]:
         Relation(TURN_OF_POSE, (YAW, *motion), _turn_of_pose, 0.02, 0.87),
         Relation(SPEED_OF_POSE, (X, Y, VX), _speed_of_pose, LEAST_SPEED_MPS, 0.87),
         # 0.94: cos(20 deg) between heading and direction of motion
-        Relation("direction of motion of the pose = pose.yaw", (X, Y, YAW), _course, 3.0, 0.94),
+        Relation(COURSE_OF_POSE, (X, Y, YAW), _course, 3.0, 0.94),
         Relation("curvature_per_m = yaw rate / v_x", place, _curvature, 0.08, 0.5),
         Relation("slope of epsi_rad = yaw rate - curvature * v_x", place, _heading, 0.02),
         Relation(

@@ -132,7 +132,7 @@ def scaling_of(
         found = repr(own) if own else "no unit in the file"
         raise DatasetError(
             f"{where}: expected a unit, found {found} and none in the mapping. Write unit for "
-            f"{name}; {near_units(own or '')}."
+            f"{name}; {near_units(own or '', si)}."
         )
     if si and unit.si != si:
         raise DatasetError(

@@ -188,9 +188,9 @@ class CarData(_CarValues):  # type: ignore[misc]
         return car_of(self.model_dump(include={*CAR_VALUES, "thresholds"}))
 
 
-def is_angle(column: ColumnMapping) -> bool:
-    """True if the mapping gives the unit of an angle."""
-    unit = find_unit(column.unit) if column.unit else None
+def is_angle(text: str | None) -> bool:
+    """True if this is a unit of an angle."""
+    unit = find_unit(text) if text else None
     return unit is not None and unit.si == "rad"
 
 
@@ -226,11 +226,11 @@ class PoseMapping(Settings):
     @property
     def is_geographic(self) -> bool:
         """True if x is a longitude and y a latitude, as angles in their units say."""
-        return is_angle(self.x) and is_angle(self.y)
+        return is_angle(self.x.unit) and is_angle(self.y.unit)
 
     @model_validator(mode="after")
     def _require_one_frame(self) -> Self:
-        if is_angle(self.x) != is_angle(self.y):
+        if self.x.unit and self.y.unit and is_angle(self.x.unit) != is_angle(self.y.unit):
             raise ValueError("expected x and y both in m, or longitude and latitude in deg")
         return self
 

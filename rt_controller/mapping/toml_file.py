@@ -51,7 +51,8 @@ def parse(
 ) -> T:
     """The content of a TOML file, checked against `schema`; `context` is for its validators.
 
-    `remedies` has a sentence by the name of a field, for a line that finds it out of its place.
+    `remedies` has a sentence by the name of a field, for a line that finds it out of its
+    place or missing.
 
     Raises:
         ConfigError: the text is no TOML, or fields are missing, unknown or out of their limits; the
@@ -87,8 +88,8 @@ def checked(
     except ValidationError as error:
         explained = explain(error, dotted, getattr(schema, "_type", None))
         for name, remedy in remedies.items():
-            misplaced = rf"^((?:\S+\.)?{name}: no such setting.*)$"
-            explained = re.sub(misplaced, rf"\1 {remedy}", explained, flags=re.MULTILINE)
+            line = rf"^((?:\S+\.)?{name}: (?:no such setting|expected a value, found none).*)$"
+            explained = re.sub(line, rf"\1 {remedy}", explained, flags=re.MULTILINE)
         raise ConfigError(listed(where, explained.splitlines())) from error
 
 

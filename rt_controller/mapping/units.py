@@ -163,11 +163,15 @@ def unit_of_exponents(kg: int, m: int, s: int, rad: int, to_si: float) -> Unit |
     return None if si is None else Unit(si, to_si)
 
 
-def near_units(text: str) -> str:
-    """Words for a message: allowed units with a similar spelling, and all allowed units."""
+def near_units(text: str, si: str | None = None) -> str:
+    """Words for a message: allowed units with a similar spelling, and all allowed units.
+
+    With `si` only those that are converted to it are listed.
+    """
     spellings = [spelling for spelling in (*_ALLOWED, *_SPELLINGS) if spelling]
     near = get_close_matches(text, spellings, n=3, cutoff=0.5)
-    listed = f"the allowed units are {', '.join(_ALLOWED)}"
+    allowed = [name for name, unit in _ALLOWED.items() if si is None or unit.si == si]
+    listed = f"the allowed units are {', '.join(allowed)}"
     return f"did you mean {' or '.join(near)}? T{listed[1:]}" if near else listed
 
 

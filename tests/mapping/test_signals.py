@@ -247,6 +247,7 @@ def test_the_example_is_a_mapping_of_offline_import_too():
     [
         ("vx_mps = {", "vy_mps = {", r"states: expected vx_mps, yaw_rate_radps"),
         ("[messages.", "[mesages.", r"mesages: no such setting \(did you mean messages\?\)"),
+        ("[mission]", "[split]", r"mission: expected a value, found none\. .*docs/own-car"),
         ('reference_line = "line.csv"\n', "", "expected the place on the road"),
         (
             *('"VehicleSpeed", unit = "km/h"', '"VehicleSpeed", unit = "deg/s"'),

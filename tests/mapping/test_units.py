@@ -75,6 +75,7 @@ def test_an_unknown_unit_is_refused_with_similar_spellings():
     assert find_unit("mPa") is None  # case changes the factor
     assert find_unit("MPa").factor == 1e6
     assert near_units("").startswith("the allowed units are 1, %, m")
+    assert near_units("", "m/s") == "the allowed units are m/s, km/h, mph, kn"
     with pytest.raises(ConfigError, match=r"car\.toml: expected .* did you mean km/h .*scale"):
         require_unit("km/hh", "car.toml")
 

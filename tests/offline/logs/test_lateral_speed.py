@@ -43,6 +43,7 @@ x = { column = "longitude", unit = "deg" }
 y = { column = "latitude", unit = "deg" }
 yaw = { column = "compass", unit = "deg", sign = -1, offset = -90.0 }
 """
+DEGREES_OF_THE_FILE = DEGREES.replace('itude", unit = "deg"', 'itude"')
 LATITUDE_DEG = 48.0
 EAST_M, NORTH_M = 74624.0, 111200.0
 """per degree, at that latitude on the ellipsoid"""
@@ -87,8 +88,8 @@ def make_car_drive(seed, duration_s=40.0, dt_s=0.005):
         "x": x,
         "y": y,
         "yaw": yaw,
-        "longitude": 11.0 + x / EAST_M,
-        "latitude": LATITUDE_DEG + y / NORTH_M,
+        "longitude [deg]": 11.0 + x / EAST_M,
+        "latitude [deg]": LATITUDE_DEG + y / NORTH_M,
         "compass": np.mod(90.0 - np.degrees(yaw), 360.0),
     }
 
@@ -116,6 +117,7 @@ def imported(place, text):
     [
         (MAPPING + POSE, "pose", 0.05),
         (MAPPING + DEGREES, "pose", 0.05),
+        (MAPPING + DEGREES_OF_THE_FILE, "pose", 0.05),
         (MAPPING + WITHOUT_YAW, "pose", 0.05),
         (MAPPING.replace("yaw_rate_radps", "#") + POSE, "pose", 0.05),
         (MAPPING + ACCELERATION + CAR, "lateral acceleration", 0.05),
@@ -159,13 +161,15 @@ def test_a_car_that_never_drives_fast_enough_for_a_fit_has_the_speed_of_rolling(
     np.testing.assert_allclose(vy, np.where(vx >= 0.3, REAR_M * rate, 0.0), atol=0.05)
 
 
-def test_a_pose_beside_the_centre_of_gravity_is_moved_there(place):
+@pytest.mark.parametrize(("ahead_m", "is_wrong"), [(-1.3, False), (1.3, True)])
+def test_a_pose_beside_the_centre_of_gravity_is_moved_there(place, capsys, ahead_m, is_wrong):
     for seed, drive in enumerate(DRIVES):
         cos, sin = np.cos(drive["yaw"]), np.sin(drive["yaw"])
         moved = {"x": drive["x"] - 1.3 * cos - 0.4 * sin, "y": drive["y"] - 1.3 * sin + 0.4 * cos}
         write_csv(place / "logs" / f"run_{seed}.csv", {**drive, **moved})
-    _, figures = imported(place, MAPPING + POSE + "ahead_m = -1.3\nleft_m = 0.4\n")
-    assert figures["lateral_speed"]["rms_mps"] < 0.05
+    _, figures = imported(place, MAPPING + POSE + f"ahead_m = {ahead_m}\nleft_m = 0.4\n")
+    assert (figures["lateral_speed"]["rms_mps"] > 0.05) == is_wrong
+    assert ("this v_y may be wrong. Check ahead_m" in capsys.readouterr().out) == is_wrong
 
 
 def test_the_logs_can_stay_without_lateral_speed(place, capsys):
@@ -196,8 +200,28 @@ def test_whole_drives_have_the_estimate_of_the_gateway():
     ("text", "error", "message"),
     [
         (MAPPING + POSE.replace('"x", unit = "m"', '"x", unit = "deg"'), ConfigError, "both in m"),
-        (MAPPING + WITHOUT_YAW + "ahead_m = 1.0\n", ConfigError, "beside the centre of gravity"),
+        (MAPPING + WITHOUT_YAW + "ahead_m = 1.0\n", ConfigError, "that of the centre of gravity"),
+        (
+            MAPPING.replace("yaw_rate_radps", "#") + WITHOUT_YAW,
+            ConfigError,
+            "only if yaw_rate_radps is mapped",
+        ),
+        (
+            MAPPING + DEGREES_OF_THE_FILE.replace('"latitude"', '"y", unit = "m"'),
+            DatasetError,
+            "x and y both in m, or longitude and latitude in deg, found rad and m",
+        ),
         (MAPPING + DEGREES + 'reference_line = "a.csv"\n', ConfigError, "frame of the reference"),
+        (
+            MAPPING + DEGREES.replace(", offset = -90.0", ""),
+            DatasetError,
+            r"direction of motion of the pose = pose\.yaw: .*offset = -90 in deg",
+        ),
+        (
+            MAPPING + DEGREES_OF_THE_FILE + 'reference_line = "a.csv"\n',
+            DatasetError,
+            "frame of the reference",
+        ),
         (
             MAPPING + DEGREES.replace('"latitude"', '"compass"'),
             DatasetError,

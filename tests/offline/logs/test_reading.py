@@ -15,6 +15,8 @@ from scipy.io import savemat
 from offline.logs.mapping import CsvSettings, read_mapping
 from offline.logs.readers.formats import read_file
 from offline.logs.readers.log import Request
+from offline.logs.readers.source import find_logs, read_log
+from offline.logs.signal import to_drive
 from rt_controller.contract.errors import ConfigError, DatasetError
 from rt_controller.gateway.signals_check import check_signals
 from rt_controller.mapping.can_log import read_frames
@@ -375,6 +377,20 @@ def test_can_signals_have_the_time_stamps_of_their_frames(tmp_path, settings, su
     np.testing.assert_allclose(angle.values, -0.1 * np.arange(0, 60, 2))
     assert (speed.unit, angle.unit) == ("km/h", "deg")
     assert angle.t_s[0] - speed.t_s[0] == pytest.approx(0.002, abs=2e-4)
+
+
+def test_positions_are_degrees_if_the_dbc_says_so(tmp_path, settings):
+    write_can(tmp_path / "a.log")
+    (tmp_path / "map.toml").write_text(
+        f'can = {{ dbc = "{settings.dbc}" }}\n[states]\nvx_mps = {{ column = "Speed" }}\n'
+        '[inputs]\nrate_radps = { column = "YawRate" }\n[pose]\nyaw = { column = "YawRate", '
+        'unit = "deg", factor = 1.0001 }\nx = { column = "Angle" }\ny = { column = "Angle" }\n'
+    )
+    mapping, _ = read_mapping(tmp_path / "map.toml")
+    (found,) = find_logs([tmp_path / "a.log"], mapping)
+    drive = to_drive(read_log(found, mapping), mapping)
+    assert [signal.unit for signal in drive.poses] == ["m", "m", "rad"]
+    assert drive.poses[1].values[1] == pytest.approx(-0.2 * 110_574.0, rel=1e-3)
 
 
 @pytest.mark.parametrize(
