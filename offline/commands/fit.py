@@ -24,8 +24,8 @@ if TYPE_CHECKING:
     from rt_controller.report.table import Table
     from sim_bridge.plant.parameters import Parameters
 
-FAR_OFF_PERCENT = 3.0
-"""error of the speed of a car whose drive is not that of the logs"""
+FAR_OFF_YAW_PERCENT, FAR_OFF_SPEED_PERCENT = 5.0, 3.0
+"""errors of a car whose tyres or drive are not those of the logs"""
 
 app = new_app(
     "offline-fit",
@@ -121,11 +121,17 @@ def fit(
             "held_out_before": before._asdict(),
         },
     )
-    if after.speed_error_percent > FAR_OFF_PERCENT:
+    if after.speed_error_percent > FAR_OFF_SPEED_PERCENT:
         others = [f"--car {each}" for each in shipped_cars() if each != car]
         print_plain(
             f"note: the speed is far off. A car with another engine or motor may fit better: "
             f"{', '.join(others)}."
+        )
+    if after.yaw_rate_error_percent > FAR_OFF_YAW_PERCENT:
+        print_plain(
+            "note: the yaw rate is far off. Check wheelbase_m and rear_axle_m in [car] of the "
+            "mapping, and leave out drives at the limit of friction: the shape of the tyre "
+            "curve is not fitted."
         )
     bundle = LATEST_RUN / "bundle"
     model = f" --model {bundle}" if bundle.is_dir() else ""
