@@ -137,7 +137,7 @@ FITTED: tuple[Fitted, ...] = (
     Fitted("steering_lag_s", _steering_lag_s, _with_steering_lag, 0.004, 0.25, scale=0.02),
     _field("tyre", "cornering_stiffness_npr", 0.3, 4.0),
     _field("suspension", "lateral_steer_front_radpn", -8e-6, 8e-6, scale=1e-6),
-    _field("suspension", "lateral_steer_rear_radpn", -8e-6, 8e-6, scale=1e-6),
+    _field("suspension", "roll_steer_rear", -0.6, 0.6, scale=0.1),
     _field("tyre", "lateral_friction", 0.5, 2.0),
     _field("tyre", "lateral_relaxation_m", 0.06, 2.5, scale=0.3),
     _field("body", "yaw_inertia_kgm2", 0.5, 2.0),
