@@ -64,7 +64,9 @@ def fit(
     for file, option in ((json_file, "--json"), (fitted, "FITTED"), (plot, "--plot")):
         require_writable(file, option)
     if fitted.suffix != ".toml":
-        raise ConfigError(f"{fitted}: expected a name that ends in .toml for the car file.")
+        raise ConfigError(
+            f"FITTED: expected a car file that ends in .toml, found {fitted}. Name another one."
+        )
     if plot is not None:
         from rt_controller.report.drive_figure import require_figure_file
 

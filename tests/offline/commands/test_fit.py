@@ -105,16 +105,17 @@ def test_a_car_of_which_the_logs_tell_nothing_differs_by_what_is_stated(data, tm
 
 
 @pytest.mark.parametrize(
-    ("options", "named"),
+    ("file", "options", "named"),
     [
-        (("--only", "tyre.colour"), "tyre.colour"),
-        (("--car", "no_such_car"), "no_such_car"),
-        (("--plot", "fit.txt"), "fit.txt"),
+        ("own.toml", ("--only", "tyre.colour"), "tyre.colour"),
+        ("own.toml", ("--car", "no_such_car"), "no_such_car"),
+        ("own.toml", ("--plot", "fit.txt"), "fit.txt"),
+        ("own.txt", (), r"ends in \.toml, found .*own\.txt"),
     ],
 )
-def test_an_option_that_does_not_fit_is_refused(data, tmp_path, options, named):
+def test_an_option_that_does_not_fit_is_refused(data, tmp_path, file, options, named):
     with pytest.raises(RtControllerError, match=named):
-        run(fit.app, str(data), str(tmp_path / "own.toml"), *options)
+        run(fit.app, str(data), str(tmp_path / file), *options)
 
 
 @pytest.mark.parametrize(
