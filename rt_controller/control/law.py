@@ -66,7 +66,7 @@ class LawPlanner:
     the lifted state. The law gets the state as it was measured.
     """
 
-    iterations = 0
+    iterations = periods_under_way = 0
     max_iterations: int | None = None
 
     def __init__(self, bundle: Bundle, law: ControlLaw, name: str) -> None:
@@ -96,9 +96,7 @@ class LawPlanner:
         self.observer.lift(x_0, curvature_per_m)
         ahead = preview or CurvaturePreview(SHORTEST_SPACING_M, *(curvature_per_m,) * KNOTS)
         state, sent = self.observer.measured, tuple(under_way)
-        now = Observation(
-            state, curvature_per_m, path, ahead, previous, sent, self._most_steer_rad
-        )
+        now = Observation(state, curvature_per_m, path, ahead, previous, sent, self._most_steer_rad)
         begun_ns = time.perf_counter_ns()
         try:
             self._control(now)

@@ -32,6 +32,10 @@ class Planner(Protocol):
     def iterations(self) -> int:
         """Of the last solve."""
 
+    @property
+    def periods_under_way(self) -> int:
+        """From the state of the last `plan` to the begin of its plan."""
+
     def plan(
         self,
         x_0: VehicleState,
