@@ -16,7 +16,6 @@ import cyclopts
 import optuna
 from rich.console import Console
 
-from benchmarks.figures.closed_loop import wheel_rate_rms_degps
 from benchmarks.rivals.scenarios import NOISY, SEARCH
 from rt_controller import ControllerConfig, Drive, simulate
 from rt_controller.baselines.bicycle_mpc import BicycleMpc, settings_of
@@ -25,6 +24,7 @@ from rt_controller.baselines.tuned import tuned_values
 from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.figures import require_writable, write_figures
 from rt_controller.controllers import BASELINES
+from rt_controller.drive.comfort import wheel_rate_rms_degps
 from rt_controller.terminal.command_line import run_command
 from sim_bridge.scenario import Scenario
 

@@ -1,6 +1,7 @@
 """Real-time vehicle control with a Koopman model that is learned from data: the public names.
 
     simulate            drive a scenario with a simulated car; returns a Drive
+    compare             drive scenarios with several controllers; returns a Comparison
     Drive               a finished drive as a table with units, errors and a plot
     Controller          model predictive control without a bus: state and path in, Plan out
     Plan                inputs over the horizon and the predicted states
@@ -22,6 +23,7 @@ from typing import TYPE_CHECKING
 from rt_controller.public_names import public_names
 
 if TYPE_CHECKING:
+    from rt_controller.comparison import compare as compare
     from rt_controller.config import ControllerConfig as ControllerConfig
     from rt_controller.config import MpcSettings as MpcSettings
     from rt_controller.contract.errors import RtControllerError as RtControllerError
@@ -54,6 +56,7 @@ __all__, __getattr__, __dir__ = public_names(
         "Plan": "controller",
         "RtControllerError": "contract.errors",
         "VehicleState": "contract.signals",
+        "compare": "comparison",
         "fit_preview": "contract.preview",
         "simulate": "simulation",
     },

@@ -56,6 +56,15 @@ def open_law(name: str) -> ControlLaw:
     return require_law(law, f"--controller {name}")
 
 
+def law_file(name: str) -> Path | None:
+    """The file that defines a law; None if it is not known."""
+    module_name = BASELINES.get(name, name).rpartition(":")[0]
+    if module_name.endswith(".py"):
+        return Path(module_name)
+    file = _import(name, module_name).__file__
+    return None if file is None else Path(file)
+
+
 def require_law(found: object, name: str = "controller") -> ControlLaw:
     """The same object, as a control law.
 

@@ -17,6 +17,7 @@ import numpy as np
 from benchmarks.figures.results import Figures, Part
 from rt_controller import Drive, simulate
 from rt_controller.controllers import BASELINES
+from rt_controller.drive.comfort import wheel_rate_rms_degps
 from sim_bridge.faults.fault import Fault
 from sim_bridge.faults.sensors import sensor_noise
 from sim_bridge.scenario import Scenario, load_scenario
@@ -180,14 +181,6 @@ def measure_drive(controller: Controller, row: Row) -> Figures:
         name: float(f"{value:.5g}") if isinstance(value, float) else value
         for name, value in figures.items()
     }
-
-
-def wheel_rate_rms_degps(drive: Drive) -> float:
-    """RMS of the rate of the steering wheel in the ticks that drove."""
-    is_driven = np.array([mode.drives for mode in drive.modes])
-    rates_radps = np.diff(drive["steer_rad"]) / np.diff(drive["time_s"])
-    rates_radps = rates_radps[is_driven[1:] & is_driven[:-1]]
-    return float(np.degrees(np.sqrt(np.mean(np.square(rates_radps)))))
 
 
 def scenario_of(row: Row) -> Scenario:
