@@ -12,7 +12,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter, NullLoca
 
 PAGE_IN = 10.4
 """width of a page"""
-INK, FAINT = "#1f2933", "#8a97a5"
+INK, FAINT, GRID = "#1f2933", "#8a97a5", "#e4e9ee"
 _STRONG = ("#2f6fb3", "#d9822b", "#3c9d6b", "#7b5ea7", "#c0392b", "#4b9fb5")
 _MUTED = ("#7b8794", "#c08552", "#4f9d86", "#9b7bb8", "#c9736b", "#5b86a8")
 _DASHES = ("--", ":", "-.", (0, (5, 1, 1, 1, 1, 1)))
@@ -26,7 +26,7 @@ _STYLE: Any = {
     "axes.spines.top": False,
     "axes.spines.right": False,
     "axes.grid": True,
-    "grid.color": "#e4e9ee",
+    "grid.color": GRID,
     "grid.linewidth": 0.7,
     "xtick.color": INK,
     "ytick.color": INK,
@@ -77,7 +77,7 @@ def figure_under_head(
         grid = figure.add_gridspec(rows + 1, 1, height_ratios=ratios)
         head, first = figure.add_subplot(grid[0]), figure.add_subplot(grid[1])
         others = [figure.add_subplot(grid[2 + k], sharex=first) for k in range(rows - 1)]
-    for axes in (first, *others[:-1]):
+    for axes in [first, *others][:-1]:
         axes.tick_params(labelbottom=False)
     return figure, head, [first, *others]
 

@@ -17,10 +17,11 @@ TICKS_PER_FRAME = 4
 """a frame every 100 ms"""
 BEHIND_M, AHEAD_M, BESIDE_M = 12.0, 68.0, 5.5
 """of the road that is seen around the car"""
-LONGEST_WHOLE_M = 260.0
+LONGEST_WHOLE_M = 300.0
 """a longer drive is seen in a window of this width, which follows the car"""
-STRIP_IN = 2.1
-DOTS_PER_INCH, COLOURS = 72, 16
+NAMES_IN, STRIP_IN = 0.2, 2.1
+"""height of names of axes, and of the lower panel"""
+DOTS_PER_INCH = 72
 KMH_PER_MPS = 3.6
 
 
@@ -56,11 +57,12 @@ def animate(drive: Drive) -> bytes:
     from rt_controller.report.canvas import figure_under_head
 
     view = plan_view(drive)
-    head_in = head_height_in([view])
-    figure, plane, (road,) = figure_under_head(1, head_in, STRIP_IN)
+    plane_in = head_height_in([view]) + NAMES_IN
+    height_in = plane_in + STRIP_IN
+    figure, plane, (road,) = figure_under_head(1, plane_in, STRIP_IN)
     figure.set_layout_engine("none")
-    height_in = head_in + STRIP_IN
-    plane.set_position((0.06, (STRIP_IN + 0.45) / height_in, 0.92, (head_in - 0.8) / height_in))
+    box = 0.06, (STRIP_IN + 0.45) / height_in, 0.92, (plane_in - 0.75) / height_in
+    plane.set_position(box)
     road.set_position((0.06, 0.45 / height_in, 0.92, (STRIP_IN - 0.7) / height_in))
     draw_road(plane, view)
     _draw_strip(road, drive)
@@ -122,9 +124,19 @@ def _follow(axes: "Axes", view: PlanView, tick: int) -> None:
 
 
 def _to_gif(images: "list[Image]") -> bytes:
+    from matplotlib.colors import to_rgb
     from PIL.Image import Dither
+    from PIL.Image import new as new_image
 
-    palette = images[len(images) // 2].quantize(COLOURS)
+    from rt_controller.report.above import CAR, CONE, EDGE, HORIZON, NOMINAL, TRAIL
+    from rt_controller.report.canvas import FAINT, GRID, INK
+
+    # One palette for all frames keeps the file small: the colours, and each half way to white.
+    names = (INK, FAINT, GRID, CAR, CONE, EDGE, HORIZON, NOMINAL, TRAIL)
+    full = np.array([to_rgb(name) for name in names])
+    colours = np.vstack([np.ones((1, 3)), full, 0.5 + 0.5 * full])
+    palette = new_image("P", (1, 1))
+    palette.putpalette(np.round(255.0 * colours).astype(int).ravel().tolist())
     frames = [each.quantize(palette=palette, dither=Dither.NONE) for each in images]
     out, duration_ms = BytesIO(), round(1e3 * TICKS_PER_FRAME * PERIOD_S)
     frames[0].save(
