@@ -132,7 +132,7 @@ class Comparison:
 
         return pd.DataFrame(self.figures())
 
-    def plot(self, file: Path | str | None = None) -> "Figure":
+    def plot(self) -> "Figure":
         """Overlay of the first scenario's drives: from above, errors and steering over time."""
         from rt_controller.report.overlay import overlay
 
@@ -159,7 +159,7 @@ def compare(
     """Drive every scenario with every controller, in simulated time, in processes.
 
         comparison = compare(["mdk-net", "stanley", PurePursuit()], ["slalom", "corner"])
-        comparison.plot("overlay.svg")
+        comparison.plot().savefig("overlay.svg")
 
     Args:
         controllers: at least one, each as `controller` of `simulate`.
@@ -182,19 +182,19 @@ def compare(
     from sim_bridge.campaign import THIS_MACHINE, run_campaign
 
     settings, conditions = require_config(config), car or CarSettings()
-    laws = _open_all(controllers, results is not None)
+    entrants = _open_all(controllers, results is not None)
     courses = _load_all(scenarios)
     tasks = {
-        (name, course, seed): (name, laws[name], scenario, seed, conditions, settings)
+        (name, course, seed): (entrant, scenario, seed, conditions, settings)
         for course, scenario in courses.items()
-        for name in laws
+        for name, entrant in entrants.items()
         for seed in (range(1, seeds + 1) if seeds else (0,))
     }
     keys = {f"{names}: {_digest(*task)}": names for names, task in tasks.items()}
     found: dict[tuple[str, str, int], tuple[ComparedDrive, Drive | None]] = {}
     campaign = run_campaign(
         _drive,
-        [(key, (names[1], *tasks[names])) for key, names in keys.items()],
+        [(key, (names, *tasks[names])) for key, names in keys.items()],
         backend or THIS_MACHINE,
         None if results is None else Path(results),
     )
@@ -213,27 +213,29 @@ def compare(
 
 def _open_all(
     controllers: "Sequence[str | ControlLaw]", needs_names: bool
-) -> dict[str, ControlLaw | None]:
-    """The objects among the controllers, by name; None: one that is named, and can be opened."""
-    found: dict[str, ControlLaw | None] = {}
+) -> dict[str, str | ControlLaw]:
+    """The controllers by a short name, each opened once, so that a wrong one is refused at once."""
+    found: dict[str, str | ControlLaw] = {}
     for each in controllers:
-        law, name = None, str(each)
         if isinstance(each, str):
             config = ControllerConfig(controller=each)
             if config.controller is None:
                 Bundle.load(config.model)
             else:
                 open_law(each)
+            name = each.rpartition(":")[2]
+            name = each if name in found else name
         else:
-            law, name = require_law(each), type(each).__name__
+            require_law(each)
+            name = type(each).__name__
+            if needs_names:
+                raise ConfigError(
+                    f"results: expected controllers by name, found the object {name}. Name it as "
+                    f"FILE.py:CLASS, or leave the file of results out."
+                )
         if name in found:
             raise ConfigError(f"controllers: expected different ones, found {name} twice.")
-        if law is not None and needs_names:
-            raise ConfigError(
-                f"results: expected controllers by name, found the object {name}. Name it as "
-                f"FILE.py:CLASS, or leave the file of results out."
-            )
-        found[name] = law
+        found[name] = each
     if not found:
         raise ConfigError(
             f"controllers: expected at least one, such as mdk-net, {', '.join(BASELINES)}."
@@ -260,8 +262,7 @@ def _load_all(scenarios: "Sequence[str | Path | Scenario] | str | Path") -> "dic
 
 
 def _digest(
-    name: str,
-    law: ControlLaw | None,
+    entrant: str | ControlLaw,
     scenario: "Scenario",
     seed: int,
     conditions: CarSettings,
@@ -270,23 +271,23 @@ def _digest(
     """Digest of all that a drive depends on, but for the object of a law."""
     import joblib
 
-    config = _config(settings, name, law)
+    config = _config(settings, entrant)
     file = None if config.controller is None else law_file(config.controller)
     text = None if file is None else file.read_text(encoding="utf-8")
     parts = (conditions.model_dump_json(), config.model_dump_json(), text)
     return str(joblib.hash((scenario, *parts, Bundle.load(config.model).sha256)))
 
 
-def _config(settings: ControllerConfig, name: str, law: ControlLaw | None) -> ControllerConfig:
-    if law is not None:
+def _config(settings: ControllerConfig, entrant: str | ControlLaw) -> ControllerConfig:
+    """The settings with the controller, if that has a name."""
+    if not isinstance(entrant, str):
         return settings
-    return ControllerConfig(**{**dict(settings), "controller": name})
+    return ControllerConfig(**{**dict(settings), "controller": entrant})
 
 
 def _drive(
-    course: str,
-    name: str,
-    law: ControlLaw | None,
+    names: tuple[str, str, int],
+    entrant: str | ControlLaw,
     scenario: "Scenario",
     seed: int,
     conditions: CarSettings,
@@ -295,8 +296,8 @@ def _drive(
     """Figures of one drive, and the drive itself, packed, as text."""
     from sim_bridge.faults.sensors import sensor_noise
 
-    config = _config(settings, name, law)
-    bundle = Bundle.load(config.model)
+    config = _config(settings, entrant)
+    bundle, law = Bundle.load(config.model), None if isinstance(entrant, str) else entrant
     accounts: list[DeadlineAccount] = []
     faults = sensor_noise(np.random.default_rng(seed)) if seed else []
     driven = replace(
@@ -314,11 +315,12 @@ def _drive(
             after_tick=lambda session: accounts.append(session.record.deadlines),
         )
     except (ControlLawError, PlantError) as error:
-        return ComparedDrive(name, course, seed, failure=str(error))._asdict(), None
+        return ComparedDrive(*names, failure=str(error))._asdict(), None
     true = {figure.name: figure.value for figure in drive.car_figures}
     jerk, step = jerk_of(drive), accounts[-1].percentiles("cpu_us")
+    controller, course, seed = names
     row = ComparedDrive(
-        name,
+        controller,
         course,
         seed,
         **{figure: float(true[figure]) for figure in TRUE_FIGURES},

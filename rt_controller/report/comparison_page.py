@@ -28,15 +28,21 @@ class ComparedFigures(NamedTuple):
     """of the first drive that failed or ended early; empty: none did"""
 
 
-ERROR = FigureColumn("ey_rms_m", "lateral error", "RMS, mm", 1e3)
+ERROR = FigureColumn("ey_rms_m", "error", "RMS, mm", 1e3)
 COLUMNS = (
     ERROR,
     FigureColumn("ey_peak_m", "peak", "mm", 1e3),
-    FigureColumn("speed_rms_mps", "speed error", "RMS, km/h", 3.6),
-    FigureColumn("wheel_rate_rms_degps", "wheel rate", "RMS, deg/s"),
-    FigureColumn("lateral_jerk_rms_mps3", "jerk aside", "RMS, m/s³"),
-    FigureColumn("jerk_rms_mps3", "jerk along", "RMS, m/s³"),
+    FigureColumn("speed_rms_mps", "speed", "km/h", 3.6),
+    FigureColumn("wheel_rate_rms_degps", "wheel", "deg/s"),
+    FigureColumn("lateral_jerk_rms_mps3", "jerk aside", "m/s³"),
+    FigureColumn("jerk_rms_mps3", "jerk along", "m/s³"),
     FigureColumn("step_p50_us", "step", "ms", 1e-3),
+)
+NOTES = (
+    "error: lateral error of the car itself; speed: its error; wheel: rate of the steering wheel; "
+    "jerk: rate of change of the acceleration; these are RMS values. step: median time of the "
+    "processor from frames in to frames out.",
+    "Below 8 m/s the law of low speeds drives with all of them.",
 )
 Compared = Mapping[tuple[str, str], ComparedFigures]
 """by scenario and controller"""
@@ -105,7 +111,7 @@ def comparison_table(compared: Compared, seeds: int) -> Table:
     if seeds > 1:
         notes.append(f"Mean of {seeds} drives with noise of the sensors; second line: the worst.")
     columns = (Column("controller", is_text=True), *(Column(c.title, c.unit) for c in COLUMNS))
-    return Table("Controllers in the same scenarios", columns, tuple(rows), tuple(notes))
+    return Table("Controllers in the same scenarios", columns, tuple(rows), (*notes, *NOTES))
 
 
 def comparison_page(

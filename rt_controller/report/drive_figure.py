@@ -1,5 +1,6 @@
 """The figure of one drive: where the car was, and what was sent."""
 
+from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -23,16 +24,17 @@ MOVING = ".gif"
 FORMATS = (".png", ".svg", ".pdf", MOVING)
 
 
-def require_figure_file(file: Path) -> None:
-    """Return if a figure can be drawn into a file of that name.
+def require_figure_file(file: Path, moves: bool = True) -> None:
+    """Return if a figure can be drawn into a file of that name; `moves`: a moving one too.
 
     Raises:
         ConfigError: the suffix is none of `FORMATS`.
         MissingExtraError: matplotlib is not installed.
     """
-    if file.suffix.lower() not in FORMATS:
+    formats = FORMATS if moves else FORMATS[:-1]
+    if file.suffix.lower() not in formats:
         raise ConfigError(
-            f"{file}: expected a figure as one of {', '.join(FORMATS)}, found "
+            f"{file}: expected a figure as one of {', '.join(formats)}, found "
             f"{file.suffix or 'no suffix'}."
         )
     with needs_extra("report", "A figure"):
@@ -91,21 +93,35 @@ def draw_drive(drive: Drive, file: Path | None = None) -> "Figure":
         f"peak {drive.errors.ey_peak_m:.3f} m",
         x=0.01, ha="left", fontsize="medium",
     )  # fmt: skip
-    if file is not None:
-        try:
-            with atomic_write(file) as out:
-                if file.suffix.lower() == MOVING:
-                    from rt_controller.report.drive_from_above import animate
+    if file is not None and file.suffix.lower() == MOVING:
+        from rt_controller.report.drive_from_above import animate
 
-                    out.write(animate(drive))
-                else:
-                    figure.savefig(out, format=file.suffix[1:].lower())
-        except OSError as error:
-            raise ConfigError(
-                f"{file}: expected a file that can be written, found {error.strerror}. Free some "
-                f"space, or name another file."
-            ) from error
+        _write(file, animate(drive))
+    elif file is not None:
+        write_figure(file, figure)
     return figure
+
+
+def write_figure(file: Path, figure: "Figure") -> None:
+    """Write a figure in the format of the suffix of the file.
+
+    Raises:
+        ConfigError: the file cannot be written.
+    """
+    image = BytesIO()
+    figure.savefig(image, format=file.suffix[1:].lower())
+    _write(file, image.getvalue())
+
+
+def _write(file: Path, content: bytes) -> None:
+    try:
+        with atomic_write(file) as out:
+            out.write(content)
+    except OSError as error:
+        raise ConfigError(
+            f"{file}: expected a file that can be written, found {error.strerror}. Free some "
+            f"space, or name another file."
+        ) from error
 
 
 def _draw_course(axis: "Axes", drive: Drive, scenario: DrivenScenario) -> None:

@@ -40,7 +40,7 @@ def compare_at_terminal(
         require_writable(html, "--html")
     if plot is not None:
         require_writable(plot, "--plot")
-        require_figure_file(plot)
+        require_figure_file(plot, moves=False)
     done = 0
 
     def report(row: ComparedDrive) -> None:
@@ -64,7 +64,7 @@ def compare_at_terminal(
     print_table(comparison_table(compared, seeds), console)
     write_figures(json_file, comparison_figures(comparison, car))
     if plot is not None:
-        write_figure(comparison.plot(), plot)
+        write_figure(plot, comparison.plot())
     if html is not None:
         drives = {name: comparison.first_drives(name) for name in comparison.scenarios}
         page = comparison_page(compared, seeds, drives, _conditions(car))
@@ -82,7 +82,7 @@ def comparison_figures(comparison: Comparison, car: CarSettings) -> dict[str, An
 def _conditions(car: CarSettings) -> str:
     chosen = car.model_dump(mode="json", exclude_defaults=True, exclude={"scenario"})
     listed = ", ".join(f"{name.replace('_', ' ')} {value}" for name, value in chosen.items())
-    return f"In simulated time, with the car's own truth; {listed or 'the default car'}."
+    return f"Drives in simulated time with {listed or 'the default car'}."
 
 
 def _write_page(path: Path, text: str) -> None:
