@@ -105,14 +105,18 @@ def finished_drive(
     )
 
 
-def predicted_path(mpc: Mpc, tick: int) -> PredictedPath | None:
-    """Where the plan that `mpc` has just made takes the car, counted from it; None: no plan."""
-    states = mpc.predicted_states()
+def record_prediction(mpc: Mpc, horizons: list[PredictedPath], session: ControllerSession) -> None:
+    """Add where the plan of this tick takes the car, counted from it, of every fourth tick.
+
+    It allocates memory: not for a loop in real time.
+    """
+    tick = session.record.trace.last_tick
+    states = mpc.predicted_states() if tick % TICKS_PER_HORIZON == 0 else None
     if states is None:
-        return None
+        return
     moved_m, ey_m = states[:, StateColumn.ds_m], states[:, StateColumn.ey_m]
     begin_m = (mpc.periods_under_way - 1) * moved_m[0]
-    return PredictedPath(tick, begin_m + np.cumsum(moved_m), ey_m)
+    horizons.append(PredictedPath(tick, begin_m + np.cumsum(moved_m), ey_m))
 
 
 def car_error(car: "BridgeSession") -> LateralError:
@@ -241,10 +245,7 @@ def drive_in_lockstep(
     horizons = list[PredictedPath]()
 
     def observe(session: ControllerSession) -> None:
-        tick = session.record.trace.last_tick
-        if tick % TICKS_PER_HORIZON == 0:
-            path = predicted_path(mpc, tick)
-            horizons.extend([] if path is None else [path])
+        record_prediction(mpc, horizons, session)
         after_tick(session)
 
     bus = BusSettings(bus=VIRTUAL, channel=f"simulate-{next(_numbers)}")

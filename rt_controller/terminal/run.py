@@ -19,6 +19,7 @@ from rt_controller.drive.scenario import (
     figures_to_json,
     limits_missed,
 )
+from rt_controller.drive.table import PredictedPath
 from rt_controller.loop import Ending
 from rt_controller.model.artifact import find_model, load_bundle
 from rt_controller.model.validation import explain_missing_plans
@@ -34,6 +35,7 @@ from rt_controller.simulation import (
     finished_drive,
     named_scenario,
     open_virtual_car,
+    record_prediction,
     scenario_notes,
 )
 from rt_controller.terminal.command_line import print_error
@@ -109,6 +111,9 @@ def run_at_terminal(options: "RunOptions") -> int:
                 options, options, bundle, mpc, clock, log, options.overwrite
             )
             opened.callback(session.close)
+            horizons = list[PredictedPath]()
+            if options.is_lockstep and options.plot is not None:
+                session.observe = partial(record_prediction, mpc, horizons)
             if options.check:
                 show(f"{session.model}: no error found")
                 return 0
@@ -120,7 +125,7 @@ def run_at_terminal(options: "RunOptions") -> int:
             if session.failure is not None:
                 raise session.failure
         figures = () if car is None else car.bridge.figures()
-        is_complete = _write(session, car, figures, options)
+        is_complete = _write(session, car, figures, horizons, options)
         code = _exit_code(session, car, figures, options)
         code = code if code or is_complete else OutputError.exit_code
         # After a failed plant the controller ends in a safe stop; the exit code names the plant.
@@ -132,6 +137,7 @@ def _write(
     session: ControllerSession,
     car: "BridgeSession | None",
     figures: Sequence[CarFigure],
+    horizons: Sequence[PredictedPath],
     options: "RunOptions",
 ) -> bool:
     """Print the summary and write the files that the options name; False if one is incomplete."""
@@ -156,7 +162,7 @@ def _write(
 
     def plot() -> None:
         if options.plot is not None:
-            drive = session.drive() if car is None else finished_drive(session, car)
+            drive = session.drive() if car is None else finished_drive(session, car, horizons)
             drive.plot(options.plot)
 
     failures = [] if session.recorder is None else [session.recorder.explain_failure()]
