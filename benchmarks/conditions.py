@@ -8,8 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rt_controller.contract.signals import VehicleState
-from sim_bridge.faults.fault import Fault
+from sim_bridge.faults.sensors import offset, sensor_noise
 from sim_bridge.plant.shipped_cars import shipped_cars
 from sim_bridge.scenario import Scenario, load_scenario
 from sim_bridge.scenario.checks import problems
@@ -17,15 +16,6 @@ from sim_bridge.scenario.scenario import Load
 from sim_bridge.scenario.speed import constant_speed
 from sim_bridge.scenario.table import constant
 
-NOISE = VehicleState(
-    vx_mps=0.03, vy_mps=0.03, yaw_rate_radps=0.002, ds_m=0.001, ey_m=0.015, epsi_rad=0.0015
-)
-"""standard deviation in each period: wheel speeds, a yaw rate sensor and a lane camera"""
-OFFSET = VehicleState(
-    vx_mps=0.0, vy_mps=0.02, yaw_rate_radps=0.0015, ds_m=0.0, ey_m=0.0, epsi_rad=0.0015
-)
-"""largest constant error of each signal, drawn for each drive"""
-CURVATURE_NOISE_PER_M = 1e-4
 FRICTION = (0.5, 1.0)
 MASS_KG = (-225.0, 225.0)
 """15 % of the car"""
@@ -37,7 +27,6 @@ SPEED_STEP_MPS, PATH_STEP_M = 5.0, 0.5
 WITHOUT_NOISE, WITH_REQUEST, ON_FLAT_ROAD = 0.25, 0.5, 0.25
 """parts of the drives"""
 EARLIEST_STOP_S = 1.0
-_OFFSETS = tuple((name, most) for name, most in OFFSET._asdict().items() if most > 0.0)
 _CORNERS = tuple((friction, mass_kg) for friction in FRICTION for mass_kg in MASS_KG)
 
 
@@ -115,27 +104,13 @@ def _drawn(rng: np.random.Generator, least: float, most: float) -> float:
     return round(float(rng.uniform(least, most)), 3)
 
 
-def sensor_noise(rng: np.random.Generator) -> list[Fault]:
-    """Noise of all states, and constant errors of some."""
-    spread = {**NOISE._asdict(), "curvature_per_m": CURVATURE_NOISE_PER_M}
-    noise = [
-        Fault(kind="noise", signals=(name,), value=std, seed=int(rng.integers(1 << 30)))
-        for name, std in spread.items()
-    ]
-    return noise + [_offset(name, float(rng.uniform(-most, most))) for name, most in _OFFSETS]
-
-
-def _offset(signal: str, value: float, start_s: float = 0.0) -> Fault:
-    return Fault(kind="bias", signals=(signal,), value=value, start_s=start_s)
-
-
 def disturbed(condition: Condition) -> Scenario:
     """The scenario of a condition, with its road, wind and requests, and noise on all states."""
     rng = np.random.default_rng((condition.seed, len(condition.scenario)))
     scenario = load_scenario(condition.scenario)
     faults = sensor_noise(rng) if condition.has_noise else []
     requests = (("v_mps", condition.speed_step_mps), ("c0_m", condition.path_step_m))
-    faults += [_offset(name, by, condition.request_at_s) for name, by in requests if by]
+    faults += [offset(name, by, condition.request_at_s) for name, by in requests if by]
     slope = {"grade": condition.grade, "bank_rad": radians(condition.bank_deg)}
     changed = replace(
         scenario,

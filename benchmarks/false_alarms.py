@@ -21,7 +21,6 @@ from pydantic import TypeAdapter
 from rich.console import Console
 
 from benchmarks.conditions import Condition, conditions, disturbed
-from offline.campaign import THIS_MACHINE, Backend, run_campaign
 from rt_controller.config import ControllerConfig
 from rt_controller.contract.errors import PlantError
 from rt_controller.contract.faults import StopCause
@@ -38,6 +37,7 @@ from rt_controller.session import ControllerSession
 from rt_controller.settings import CarSettings
 from rt_controller.simulation import drive_in_lockstep
 from rt_controller.terminal.command_line import run_command
+from sim_bridge.campaign import THIS_MACHINE, Backend, run_campaign
 from sim_bridge.scenario import shipped_scenarios
 
 _NO_ALARM = (Reaction.REPORT, Reaction.REFUSE)

@@ -6,7 +6,6 @@ from typing import Annotated, Any
 
 import cyclopts
 
-from offline.campaign import THIS_MACHINE
 from offline.commands.evaluate import evaluation_figures, run_evaluation
 from offline.commands.export import export_run
 from offline.commands.log_import import import_logs
@@ -19,6 +18,7 @@ from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.figures import require_writable, write_figures
 from rt_controller.report.table import to_markdown
 from rt_controller.terminal.command_line import run_command
+from sim_bridge.campaign import THIS_MACHINE
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 SEVERAL = cyclopts.Parameter(consume_multiple=True, negative="")

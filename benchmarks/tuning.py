@@ -16,27 +16,19 @@ import cyclopts
 import optuna
 from rich.console import Console
 
-from benchmarks.figures.closed_loop import wheel_rate_rms_degps
-from benchmarks.rivals.drive import (
-    STANLEY,
-    TUNED,
-    build_rival,
-    drive_with,
-    settings_of,
-    tuned_values,
-)
 from benchmarks.rivals.scenarios import NOISY, SEARCH
-from benchmarks.rivals.stanley import Gains
-from rt_controller import ControllerConfig, Drive
+from rt_controller import ControllerConfig, Drive, simulate
+from rt_controller.baselines.bicycle_mpc import BicycleMpc, settings_of
+from rt_controller.baselines.stanley import Gains, Stanley
+from rt_controller.baselines.tuned import tuned_values
 from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.figures import require_writable, write_figures
-from rt_controller.model.bundle import Bundle
-from rt_controller.node import build_mpc
-from rt_controller.settings import CarSettings
-from rt_controller.simulation import drive_in_lockstep
+from rt_controller.controllers import BASELINES
+from rt_controller.drive.comfort import wheel_rate_rms_degps
 from rt_controller.terminal.command_line import run_command
 from sim_bridge.scenario import Scenario
 
+STANLEY = "stanley"
 WORST = 10.0
 """cost of a drive whose errors are not finite"""
 NEARBY = 1.5
@@ -78,12 +70,11 @@ def cost_of(drive: Drive, scenario: Scenario) -> float:
 
 
 def _driver(controller: str, values: dict[str, float]) -> Callable[[Scenario], Drive]:
-    if controller in TUNED:
-        return partial(drive_with, build_rival(controller, values))
-    bundle, config = Bundle.load(controller), ControllerConfig(mpc=settings_of(values))
-    mpc = build_mpc(bundle, config.mpc)
-    car = CarSettings()
-    return lambda scenario: drive_in_lockstep(config, bundle, mpc, car, scenario=scenario)
+    if controller == STANLEY:
+        return partial(simulate, controller=Stanley(Gains(**values)))
+    if controller in BASELINES:
+        return partial(simulate, controller=BicycleMpc(values))
+    return partial(simulate, model=controller, config=ControllerConfig(mpc=settings_of(values)))
 
 
 @app.default
@@ -108,12 +99,12 @@ def main(
     """
     require_writable(json)
     space = _GAINS if controller == STANLEY else _WEIGHTS
-    if nearby and controller not in TUNED:
+    if nearby and controller not in BASELINES:
         raise ConfigError(
-            f"--nearby: expected a rival with an earlier result ({', '.join(TUNED)}), found "
+            f"--nearby: expected a rival with an earlier result ({', '.join(BASELINES)}), found "
             f"{controller}. Leave --nearby out."
         )
-    begin = tuned_values(controller) if controller in TUNED else {}
+    begin = tuned_values(controller) if controller in BASELINES else {}
     if nearby:
         space = {k: (v / NEARBY, v * NEARBY) for k, v in begin.items()}
     optuna.logging.set_verbosity(optuna.logging.WARNING)
@@ -139,7 +130,7 @@ def main(
     known = {**settings.model_dump(), **settings.tolerance.model_dump(), **Gains()._asdict()}
     if not nearby:
         study.enqueue_trial({name: known[name] for name in space})
-    if controller in TUNED:
+    if controller in BASELINES:
         study.enqueue_trial(begin)
     study.optimize(run, n_trials=trials)
     best = study.best_trial

@@ -15,6 +15,7 @@ from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.timing import LONGEST_S
 from rt_controller.terminal.command_line import new_app, run_command
 from rt_controller.terminal.options import RunOptions, read_config_file
+from sim_bridge.campaign import THIS_MACHINE, Backend
 
 _Bitrate = Annotated[int, Field(gt=0)]
 
@@ -28,7 +29,8 @@ app = new_app(
     "incomplete, 130 ended at once by a third Ctrl-C, or by one while it was loading.",
     "--bus NAME",
     {
-        "Main options": "bus channel scenario car model duration-s record plot json config",
+        "Main options": "bus channel scenario car model controller duration-s record plot json "
+        "config",
         "Bus": "bitrate bus-option wait-s stay check",
         "Simulated car (--bus virtual)": "plant plant-mapping friction friction-right "
         "transport-delay actuation-delay faults pace",
@@ -213,6 +215,75 @@ def explain(
     from rt_controller.terminal.explain import explain_at_terminal
 
     return explain_at_terminal(log, tick, model, json_file, quiet)
+
+
+@app.command
+def compare(
+    *controllers: str,
+    scenario: Annotated[tuple[str, ...], Parameter(consume_multiple=True, negative="")] = (
+        "double_lane_change",
+    ),
+    seeds: Annotated[int, Field(ge=0, le=1000)] = 0,
+    plant: str = "own",
+    car: str | None = None,
+    friction: float | None = None,
+    faults: Path | None = None,
+    backend: Backend = THIS_MACHINE,
+    html: Path | None = None,
+    plot: Path | None = None,
+    results: Path | None = None,
+    json_file: Annotated[Path | None, Parameter(name="--json")] = None,
+    quiet: bool = False,
+) -> int:
+    """Drive the same scenarios with several controllers, in simulated time, on all cores.
+
+    One table says which drives best: lateral error, speed error, rate of the steering wheel, jerk
+    and time of a step. Needs the extra compare.
+
+    Parameters
+    ----------
+    controllers
+        mdk-net, mdk-net-paper, lti, folders of bundles, stanley, bicycle-mpc, or own control laws
+        as MODULE:CLASS or FILE.py:CLASS
+    scenario
+        one or several, each a shipped one or the path of a .toml or .xodr file
+    seeds
+        number of drives of each scenario, each with other noise of the sensors; 0: one without
+    plant
+        own, fmu:FILE.fmu, commonroad:NUMBER or model:BUNDLE
+    car
+        parameters of the own car: a shipped name, or the path of a .toml file
+    friction
+        of the road; default: the scenario's
+    faults
+        faults of bus and actuators, a .toml file
+    html
+        write this page: the table, and an overlay of the drives of each scenario
+    plot
+        draw the overlay of the first scenario into this file: .png, .svg or .pdf
+    results
+        keep every finished drive in this file; after an interruption the same command goes on
+    json_file
+        write the figures of all drives to this JSON file
+    quiet
+        no progress on stderr
+    """
+    from rt_controller.settings import CarSettings
+    from rt_controller.terminal.compare import compare_at_terminal
+
+    conditions = CarSettings(plant=plant, car=car, friction=friction, faults=faults)
+    return compare_at_terminal(
+        controllers,
+        scenario,
+        seeds,
+        conditions,
+        backend,
+        html,
+        plot,
+        results,
+        json_file,
+        quiet,
+    )
 
 
 @app.meta.default

@@ -3,9 +3,9 @@
 import os
 from math import radians
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from rt_controller.contract.car import CAR_VALUES
 from rt_controller.contract.signals import ControlInput, VehicleState
@@ -18,6 +18,11 @@ if TYPE_CHECKING:
 
 
 ShippedModel = Literal["mdk-net", "mdk-net-paper", "lti"]
+
+
+def is_model(name: str) -> bool:
+    """True if a name is that of a shipped model or of a folder, which is then that of a bundle."""
+    return name in get_args(ShippedModel) or Path(name).is_dir()
 
 
 _Tolerance = Annotated[float, Field(ge=1e-6)]
@@ -180,9 +185,25 @@ class ControllerConfig(Settings):
     model: ShippedModel | str | Path | None = None
     """a shipped model, or folder of a bundle, ./lti for a folder with the name of a shipped one;
     default: mdk-net"""
+    controller: str | None = None
+    """what plans the inputs: a model as of --model, stanley, bicycle-mpc, or a class with a method
+    control as MODULE:CLASS or FILE.py:CLASS; default: MPC with the model. The checks use the model
+    with every one of them"""
     mpc: MpcSettings = MpcSettings()
     low_speed: LowSpeedSettings = LowSpeedSettings()
     realtime: RealtimeSettings = RealtimeSettings()
+
+    @model_validator(mode="before")
+    @classmethod
+    def _take_model(cls, found: Any) -> Any:
+        """A controller that is a model is the MPC with that model."""
+        controller = found.get("controller") if isinstance(found, dict) else None
+        if controller is None or not is_model(str(controller)):
+            return found
+        model = found.get("model")
+        if model not in (None, controller):
+            raise ValueError(f"expected one model, found {model} and the controller {controller}")
+        return {**found, "controller": None, "model": controller}
 
 
 def require_config(config: ControllerConfig | None) -> ControllerConfig:

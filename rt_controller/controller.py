@@ -161,7 +161,7 @@ class Controller:
         preview: CurvaturePreview | None,
         under_way: Sequence[ControlInput],
     ) -> Plan:
-        x_0 = self._mpc.observe(state, self._previous)
+        x_0 = self._mpc.observer.observe(state, self._previous)
         status = self._mpc.plan(x_0, curvature_per_m, path, self._previous, preview, under_way)
         states = self._mpc.predicted_states()
         inputs = self._mpc.inputs.copy()

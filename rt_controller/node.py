@@ -21,10 +21,13 @@ from rt_controller.contract.signals import AT_REST, NEUTRAL_INPUT, PathReference
 from rt_controller.contract.timing import PERIOD_S
 from rt_controller.control.eq14 import Corridor
 from rt_controller.control.identification import identify_gains
+from rt_controller.control.law import ControlLaw, LawPlanner
 from rt_controller.control.low_speed import LowSpeedCar, LowSpeedLaw, PedalGains, SpeedRange
 from rt_controller.control.mpc import Mpc
+from rt_controller.control.planner import Planner
 from rt_controller.control.program import SolveStatus
 from rt_controller.control.warm_start import open_solver
+from rt_controller.controllers import open_law
 from rt_controller.model.bundle import Bundle
 from rt_controller.model.validation import require_drivable
 from rt_controller.realtime.clock import TimeSource
@@ -33,6 +36,26 @@ from rt_controller.safety.coast_model import LEAST_MODELLED_MPS, StoppingCar
 from rt_controller.safety.motion import MotionPrediction
 from rt_controller.safety.supervisor import Supervisor
 from rt_controller.step import ControlStep
+
+
+def build_planner(
+    bundle: Bundle,
+    config: ControllerConfig,
+    law: ControlLaw | None = None,
+    max_iterations: int | None = None,
+) -> Planner:
+    """What plans the inputs: the MPC with the model, or the law of the settings, or `law`.
+
+    `max_iterations` of a solve; None: those of the solver.
+
+    Raises:
+        ArtifactError, ConfigError: as `build_mpc` and `open_law`.
+    """
+    if law is not None or config.controller is not None:
+        require_drivable(bundle)
+        name = config.controller or type(law).__name__
+        return LawPlanner(bundle, law or open_law(name), name)
+    return build_mpc(bundle, config.mpc, max_iterations)
 
 
 def build_mpc(bundle: Bundle, settings: MpcSettings, max_iterations: int | None = None) -> Mpc:
@@ -93,7 +116,7 @@ def plan_at_constant_speed(mpc: Mpc) -> None:
     state = AT_REST._replace(vx_mps=20.0, ds_m=20.0 * PERIOD_S)
     path = PathReference(0.0, 0.0, 0.0, 0.0, v_mps=20.0, a_mps2=0.0)
     for _ in range(20):
-        status = mpc.plan(mpc.observe(state, NEUTRAL_INPUT), 0.0, path, NEUTRAL_INPUT)
+        status = mpc.plan(mpc.observer.observe(state, NEUTRAL_INPUT), 0.0, path, NEUTRAL_INPUT)
     if status is not SolveStatus.SOLVED:
         raise ConfigError(
             f"The QP of a constant 20 m/s on a straight path: expected it to be solved, found "
@@ -114,7 +137,7 @@ def build_node(
     bus: can.BusABC,
     config: ControllerConfig,
     bundle: Bundle,
-    mpc: Mpc,
+    planner: Planner,
     clock: TimeSource,
     recorder: Recorder | None = None,
     note_call: Callable[[str], None] = lambda name: None,
@@ -125,8 +148,8 @@ def build_node(
     Args:
         bus: the open bus.
         config: settings.
-        bundle: the model that `mpc` plans with.
-        mpc: the planner.
+        bundle: the model that the checks predict with.
+        planner: of the inputs.
         clock: of the loop.
         recorder: of frames; None: they are not recorded.
         note_call: as of `ControlStep`.
@@ -154,7 +177,7 @@ def build_node(
         bus=bus,
         inbox=inbox,
         outbox=outbox,
-        mpc=mpc,
+        planner=planner,
         low_speed=LowSpeedLaw(low_speed_car),
         car=low_speed_car.car,
         clock=clock,

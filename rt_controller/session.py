@@ -16,7 +16,7 @@ from rt_controller.bus.transport import close_bus
 from rt_controller.config import ControllerConfig
 from rt_controller.contract.errors import BusError
 from rt_controller.contract.timing import PERIOD_S
-from rt_controller.control.mpc import Mpc
+from rt_controller.control.planner import Planner
 from rt_controller.drive.table import Drive
 from rt_controller.drive.trace import DriveTrace
 from rt_controller.loop import FinishedTick, RunRecord, StopRequest, run_loop, schedule_preparation
@@ -103,7 +103,7 @@ class ControllerSession:
         bus_settings: BusSettings,
         config: ControllerConfig,
         bundle: Bundle,
-        mpc: Mpc,
+        planner: Planner,
         clock: Clock,
         log: Path | None = None,
         replaces: bool = False,
@@ -114,8 +114,8 @@ class ControllerSession:
         Args:
             bus_settings: the bus to join.
             config: settings of the loop.
-            bundle: the model that `mpc` plans with.
-            mpc: used by this session only.
+            bundle: the model that the checks predict with.
+            planner: used by this session only.
             clock: of the loop; a `LockstepClock` makes the run independent of the machine.
             log: what the drive is recorded to, with a journal beside it; None: it is not.
             replaces: replace an existing log.
@@ -133,9 +133,8 @@ class ControllerSession:
         # interpreter without a garbage collector: to prepare that takes longer than a short drive.
         self._priority = 0 if self.is_lockstep else config.realtime.priority
         if not self.is_lockstep:  # a time limit would make the result depend on the machine
-            mpc.limit_solve_time(round(config.realtime.solve_budget_ms * 1e6))
-        self.model = f"{bundle.name} {bundle.sha256[:8]}"
-        """name of the model, and the first digits of its hash"""
+            planner.limit_solve_time(round(config.realtime.solve_budget_ms * 1e6))
+        self.planner = planner
         self.record = RunRecord(
             DeadlineAccount(RECORDED_TICKS, round(config.realtime.deadline_ms * 1e6)),
             DriveTrace(RECORDED_TICKS),
@@ -159,7 +158,7 @@ class ControllerSession:
             bus = bus_settings.open_bus()
             opened.callback(close_bus, bus)
             self._bus = bus
-            header = describe_run(config, bundle, mpc.max_iterations)
+            header = describe_run(config, bundle, planner.max_iterations)
             self.recorder: Recorder | None = None
             if log is not None:
                 self.recorder = opened.enter_context(
@@ -175,7 +174,7 @@ class ControllerSession:
                 self._bus,
                 config,
                 bundle,
-                mpc,
+                planner,
                 clock,
                 self.recorder,
                 self._record_call,
@@ -210,7 +209,7 @@ class ControllerSession:
         """The drive so far as a table; at most the last hour of it."""
         record = self.record
         return replace(
-            record.trace.drive(self.model, record.ending.value),
+            record.trace.drive(self.planner.name, record.ending.value),
             stop_cause=record.result.cause.name,
             stop_tick=record.stop_tick,
             stop_s=record.stop_s,

@@ -16,13 +16,15 @@ from rt_controller.config import ControllerConfig, require_config
 from rt_controller.contract.errors import ConfigError, PlantError, require_type
 from rt_controller.contract.settings_errors import dotted, explain
 from rt_controller.contract.signals import StateColumn
+from rt_controller.control.law import ControlLaw
 from rt_controller.control.low_speed import LowSpeedCar
-from rt_controller.control.mpc import Mpc
+from rt_controller.control.planner import Planner
+from rt_controller.controllers import law_error, require_law
 from rt_controller.drive.scenario import DrivenScenario, LateralError, Outline, RoadLine
 from rt_controller.drive.table import Drive, PredictedPath
 from rt_controller.model.artifact import find_model, load_bundle
 from rt_controller.model.bundle import Bundle
-from rt_controller.node import build_mpc
+from rt_controller.node import build_planner
 from rt_controller.realtime.clock import LockstepClock
 from rt_controller.safety.checks import Check
 from rt_controller.session import ControllerSession
@@ -105,18 +107,27 @@ def finished_drive(
     )
 
 
-def record_prediction(mpc: Mpc, horizons: list[PredictedPath], session: ControllerSession) -> None:
-    """Add where the plan of this tick takes the car, counted from it, of every fourth tick.
+def record_predictions(
+    session: ControllerSession,
+    after_tick: Callable[[ControllerSession], None] = lambda session: None,
+) -> list[PredictedPath]:
+    """Where the plan of every fourth tick takes the car, counted from it: grows with the drive.
 
-    It allocates memory: not for a loop in real time.
+    It allocates memory: not for a loop in real time. `after_tick` is called after each tick.
     """
-    tick = session.record.trace.last_tick
-    states = mpc.predicted_states() if tick % TICKS_PER_HORIZON == 0 else None
-    if states is None:
-        return
-    moved_m, ey_m = states[:, StateColumn.ds_m], states[:, StateColumn.ey_m]
-    begin_m = (mpc.periods_under_way - 1) * moved_m[0]
-    horizons.append(PredictedPath(tick, begin_m + np.cumsum(moved_m), ey_m))
+    planner, horizons = session.planner, list[PredictedPath]()
+
+    def observe(session: ControllerSession) -> None:
+        tick = session.record.trace.last_tick
+        states = planner.predicted_states() if tick % TICKS_PER_HORIZON == 0 else None
+        if states is not None:
+            moved_m, ey_m = states[:, StateColumn.ds_m], states[:, StateColumn.ey_m]
+            begin_m = (planner.periods_under_way - 1) * moved_m[0]
+            horizons.append(PredictedPath(tick, begin_m + np.cumsum(moved_m), ey_m))
+        after_tick(session)
+
+    session.observe = observe
+    return horizons
 
 
 def car_error(car: "BridgeSession") -> LateralError:
@@ -164,6 +175,7 @@ _numbers = count()
 def simulate(
     scenario: "str | Path | Scenario" = "double_lane_change",
     *,
+    controller: str | ControlLaw | None = None,
     model: str | Path | Bundle | None = None,
     plant: "str | Plant" = "own",
     car: str | Path | None = None,
@@ -174,13 +186,16 @@ def simulate(
 ) -> Drive:
     """Drive a scenario with a simulated car, in simulated time, over a virtual CAN bus.
 
-    The controller is the one of `rt-controller`, with its frames, checks and modes. The same
-    arguments give the same drive on every machine.
+    The program is `rt-controller`, with its frames, checks and modes, whatever the controller. The
+    same arguments give the same drive on every machine.
 
     Args:
         scenario: name of a shipped scenario, path of a .toml or .xodr file, or a
             `sim_bridge.Scenario`.
-        model: name of a shipped model, folder of a bundle, or a `Bundle`; default: mdk-net.
+        controller: what plans the inputs: a model as `model`, "stanley", "bicycle-mpc",
+            "MODULE:CLASS", "FILE.py:CLASS", or a `ControlLaw`; default: the MPC with the model.
+        model: name of a shipped model, folder of a bundle, or a `Bundle`; default: mdk-net. The
+            checks use it with every controller.
         plant: "own", "fmu:FILE.fmu", "commonroad:NUMBER", "model:BUNDLE", or an object that
             implements `Plant`.
         car: parameters of the own car: a shipped name, or path of a .toml file.
@@ -194,6 +209,7 @@ def simulate(
         ConfigError: scenario, plant, car or settings are refused.
         ArtifactError: the model does not fit.
         MissingExtraError: the car is not compiled, or an extra that the plant needs is missing.
+        ControlLawError: the controller raised an exception, or returned no input: then its cause.
         PlantError: the plant failed during the drive, or raised an exception: then its cause.
         TypeError: an argument is of another type.
     """
@@ -206,8 +222,15 @@ def simulate(
     if duration_s is not None and not 0.0 < duration_s < inf:
         raise ConfigError(f"duration_s: expected a finite time above 0 s, found {duration_s}.")
     settings = require_config(config)
-    bundle = Bundle.load(settings.model if model is None else model)
-    mpc = build_mpc(bundle, settings.mpc)
+    named = {"model": model} if isinstance(model, str | Path) else {}
+    law: ControlLaw | None = None
+    if isinstance(controller, str):
+        named["controller"] = controller
+    elif controller is not None:
+        law = require_law(controller)
+    settings = ControllerConfig(**{**dict(settings), **named})
+    bundle = model if isinstance(model, Bundle) else Bundle.load(settings.model)
+    planner = build_planner(bundle, settings, law)
     choices = {
         **({"scenario": str(scenario)} if isinstance(scenario, str | Path) else {}),
         "plant": plant if isinstance(plant, str) else OWN,
@@ -222,14 +245,14 @@ def simulate(
     own_plant = None if isinstance(plant, str) else plant
     own_scenario = None if isinstance(scenario, str | Path) else scenario
     return drive_in_lockstep(
-        settings, bundle, mpc, car_settings, own_plant, duration_s, own_scenario
+        settings, bundle, planner, car_settings, own_plant, duration_s, own_scenario
     )
 
 
 def drive_in_lockstep(
     config: ControllerConfig,
     bundle: Bundle,
-    mpc: Mpc,
+    planner: Planner,
     car: CarSettings,
     plant: "Plant | None" = None,
     duration_s: float | None = None,
@@ -237,28 +260,27 @@ def drive_in_lockstep(
     checks: Sequence[Check] | None = None,
     after_tick: Callable[[ControllerSession], None] = lambda session: None,
 ) -> Drive:
-    """A drive in simulated time with `mpc`, which plans with `bundle`, over a bus of its own.
+    """A drive in simulated time with `planner`, over a bus of its own; the checks use `bundle`.
 
     `plant` and `scenario` replace those that `car` names; `checks` are those of the supervisor;
     `after_tick` is called after each step; otherwise as `simulate`.
     """
-    horizons = list[PredictedPath]()
-
-    def observe(session: ControllerSession) -> None:
-        record_prediction(mpc, horizons, session)
-        after_tick(session)
-
     bus = BusSettings(bus=VIRTUAL, channel=f"simulate-{next(_numbers)}")
     with (
         closing(open_virtual_car(bus, car, plant, scenario)) as virtual,
         threadpool_limits(1, "blas"),
     ):
         clock = LockstepClock(virtual.tick)
-        with closing(ControllerSession(bus, config, bundle, mpc, clock, checks=checks)) as session:
-            session.observe = observe
+        with closing(
+            ControllerSession(bus, config, bundle, planner, clock, checks=checks)
+        ) as session:
+            horizons = record_predictions(session, after_tick)
             session.start(duration_s, False, _LONGEST_WAIT_S).join()
     if session.failure is not None:
         raise session.failure
+    failure = law_error(planner)
+    if failure is not None:
+        raise failure
     plant_failure = virtual.bridge.summary().plant_failure
     if plant_failure is not None:
         raise PlantError(f"The plant failed during the drive: {plant_failure}.")

@@ -23,7 +23,8 @@ from rt_controller.contract.signals import NEUTRAL_INPUT, ControlInput, Mode, Ve
 from rt_controller.contract.timing import IDENT_PERIOD_TICKS, PERIOD_S
 from rt_controller.control.input_planner import InputPlanner, PlannedInput
 from rt_controller.control.low_speed import LowSpeedLaw
-from rt_controller.control.mpc import MOST_UNDER_WAY, Mpc
+from rt_controller.control.mpc import MOST_UNDER_WAY
+from rt_controller.control.planner import Planner
 from rt_controller.control.steering_actuator import LONGEST_DELAY, SteeringActuator
 from rt_controller.realtime.clock import TimeSource
 from rt_controller.receive import Receiver
@@ -49,7 +50,7 @@ class ControlStep:
         bus: can.BusABC,
         inbox: Inbox,
         outbox: Outbox,
-        mpc: Mpc,
+        planner: Planner,
         low_speed: LowSpeedLaw,
         car: Car = DEFAULT_CAR,
         clock: TimeSource,
@@ -66,7 +67,7 @@ class ControlStep:
         self._receiver = Receiver(bus, inbox)
         self._outbox = outbox
         self._dry_run_outbox = Outbox(DiscardBus(), Node.CONTROLLER)
-        self._planner = InputPlanner(mpc, low_speed)
+        self._planner = InputPlanner(planner, low_speed)
         self._low_speed = low_speed
         self._limits, self._force_scale = car.limits, car.force_scale
         self._along_path = ALONG_PATH.scaled(car.force_scale)

@@ -21,7 +21,6 @@ from benchmarks.ablation.training import (
     run_training,
 )
 from benchmarks.ablation.variants import SHIPPED_FILE, Training, read_variants
-from offline.campaign import THIS_MACHINE, Backend, digest, run_campaign
 from offline.commands.dataset import config_of_data, ensure_dataset
 from offline.commands.options import RUNS, Config, DataFolder
 from offline.commands.terminal import STDERR, STDOUT, progress_bar
@@ -30,6 +29,7 @@ from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.figures import require_writable, write_figures
 from rt_controller.report.table import NO_VALUE, Column, Table, format_number, to_markdown
 from rt_controller.terminal.command_line import run_command
+from sim_bridge.campaign import THIS_MACHINE, Backend, digest, run_campaign
 
 OF_DATA = ("episodes", "data_seed", "largest_steer_deg")
 """fields of a configuration that follow from the data set"""

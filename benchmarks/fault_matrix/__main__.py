@@ -20,7 +20,6 @@ from benchmarks.fault_matrix.cases import (
 from benchmarks.fault_matrix.drive import drive_task
 from benchmarks.fault_matrix.summary import lines_of, summarise
 from benchmarks.fault_matrix.verdict import MatrixRow
-from offline.campaign import THIS_MACHINE, Backend, digest, run_campaign
 from offline.commands.terminal import progress_bar
 from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.figures import require_writable, write_figures
@@ -28,6 +27,7 @@ from rt_controller.contract.names import hint
 from rt_controller.model.bundle import Bundle
 from rt_controller.report.table import NO_VALUE, Cell, Column, Row, Table, print_table
 from rt_controller.terminal.command_line import run_command
+from sim_bridge.campaign import THIS_MACHINE, Backend, digest, run_campaign
 from sim_bridge.scenario.limits import KMH_PER_MPS
 
 EXIT_NOT_OK = 1

@@ -15,11 +15,11 @@ from rich.console import Console
 from benchmarks.figures import closed_loop
 from benchmarks.figures.results import SOURCES, Part, Results, read_import
 from benchmarks.figures.tables import blocks
-from offline.campaign import THIS_MACHINE, Backend, run_campaign
 from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.figures import require_writable, write_figures
 from rt_controller.model.artifact import SHIPPED_MODEL
 from rt_controller.terminal.command_line import run_command
+from sim_bridge.campaign import THIS_MACHINE, Backend, run_campaign
 
 MEASURED = "closed_loop"
 """the piece that is measured here; those of `SOURCES` are imported"""

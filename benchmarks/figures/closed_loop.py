@@ -14,16 +14,18 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from benchmarks.conditions import sensor_noise
 from benchmarks.figures.results import Figures, Part
 from rt_controller import Drive, simulate
+from rt_controller.controllers import BASELINES
+from rt_controller.drive.comfort import wheel_rate_rms_degps
 from sim_bridge.faults.fault import Fault
+from sim_bridge.faults.sensors import sensor_noise
 from sim_bridge.scenario import Scenario, load_scenario
 from sim_bridge.scenario.scenario import Load
 
 ROOT = Path(__file__).parents[2]
 MODELS = ("mdk-net", "mdk-net-paper", "lti")
-RIVALS = ("bicycle-mpc", "stanley")
+RIVALS = tuple(BASELINES)
 _TRUE = ("ey_rms_m", "ey_peak_m", "epsi_peak_rad", "speed_rms_mps", "speed_peak_mps")
 """figures that are measured at the car, not on the bus"""
 _OF_STOP = ("stop_error_m", "creep_m", "hold_steer_rad")
@@ -129,23 +131,16 @@ def _drive_with_example(scenario: Scenario, plant: str) -> Drive:
     return simulate(scenario, model=bundle, plant=plant)
 
 
-def _drive_with_model(model: str, scenario: Scenario, plant: str) -> Drive:
-    return simulate(scenario, model=model, plant=plant)
-
-
-def _drive_with_rival(name: str, scenario: Scenario, plant: str) -> Drive:
-    from benchmarks.rivals.drive import build_rival, drive_with, tuned_values  # extra [peers]
-
-    return drive_with(build_rival(name, tuned_values(name)), scenario, plant)
+def _drive_with(controller: str, scenario: Scenario, plant: str) -> Drive:
+    return simulate(scenario, controller=controller, plant=plant)
 
 
 _MOVING = tuple(row.name for row in ROWS if not row.has_stop)
 """where the law of low speeds, which all controllers share, does not decide"""
-"""where the solution of a nonlinear program may differ from its first linearisation"""
 CONTROLLERS = {
-    **{model: Controller(partial(_drive_with_model, model), (model,)) for model in MODELS},
+    **{model: Controller(partial(_drive_with, model), (model,)) for model in MODELS},
     "linear_model.py": Controller(_drive_with_example, rows=("lane change, 80 km/h",)),
-    **{name: Controller(partial(_drive_with_rival, name), rows=_MOVING) for name in RIVALS},
+    **{name: Controller(partial(_drive_with, name), rows=_MOVING) for name in RIVALS},
 }
 
 
@@ -186,14 +181,6 @@ def measure_drive(controller: Controller, row: Row) -> Figures:
         name: float(f"{value:.5g}") if isinstance(value, float) else value
         for name, value in figures.items()
     }
-
-
-def wheel_rate_rms_degps(drive: Drive) -> float:
-    """RMS of the rate of the steering wheel in the ticks that drove."""
-    is_driven = np.array([mode.drives for mode in drive.modes])
-    rates_radps = np.diff(drive["steer_rad"]) / np.diff(drive["time_s"])
-    rates_radps = rates_radps[is_driven[1:] & is_driven[:-1]]
-    return float(np.degrees(np.sqrt(np.mean(np.square(rates_radps)))))
 
 
 def scenario_of(row: Row) -> Scenario:

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from pydantic import TypeAdapter
 
-from benchmarks.conditions import sensor_noise
+from sim_bridge.faults.sensors import sensor_noise
 from sim_bridge.scenario import Scenario
 
 METRICS = ("ey_rms_m", "speed_rms_mps")

@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from offline.campaign import THIS_MACHINE, Backend
 from offline.commands.options import DataFolder, JsonFile, require_ready
 from offline.commands.terminal import STDOUT
 from offline.config import PRESETS
@@ -14,6 +13,7 @@ from offline.data.variation import RecipeName, Variation, choose_variation, desc
 from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.figures import write_figures
 from rt_controller.terminal.command_line import new_app, run_command
+from sim_bridge.campaign import THIS_MACHINE, Backend
 
 if TYPE_CHECKING:
     from offline.data.dataset import Dataset

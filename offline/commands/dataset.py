@@ -4,7 +4,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from offline.campaign import Backend
 from offline.commands.terminal import STDERR, progress_bar, stop_on_signals
 from offline.config import TrainingConfig, explicit_fields
 from offline.data.dataset import Dataset, cache_folder, exists, load_dataset
@@ -12,6 +11,7 @@ from offline.data.generate import make_dataset, simulated_origin
 from offline.data.manifest import Imported, Origin, Simulated
 from offline.data.recipe import Recipe
 from rt_controller.contract.errors import DatasetError
+from sim_bridge.campaign import Backend
 
 
 def ensure_dataset(

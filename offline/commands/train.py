@@ -6,7 +6,6 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from offline.campaign import THIS_MACHINE, Backend
 from offline.commands.options import RUNS, Config, DataFolder, JsonFile, require_ready
 from offline.commands.terminal import STDERR, print_plain, progress_bar, quoted, stop_on_signals
 from offline.config import TrainingConfig, explicit_fields, resolve
@@ -14,6 +13,7 @@ from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.figures import write_figures
 from rt_controller.terminal.command_line import new_app, run_command
 from rt_controller.terminal.entry import INTERRUPTED
+from sim_bridge.campaign import THIS_MACHINE, Backend
 
 if TYPE_CHECKING:
     from offline.data.dataset import Dataset

@@ -20,7 +20,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from offline.campaign import THIS_MACHINE, Backend, run_campaign
 from offline.config import PAST_STEPS, PRESETS, STEPS
 from offline.data.dataset import Dataset, cache_folder, save_dataset, split_episodes, writable
 from offline.data.manifest import Roads, Simulated
@@ -40,6 +39,7 @@ from rt_controller.contract.errors import DatasetError
 from rt_controller.contract.limits import INPUT_LIMITS, SteeringGeometry
 from rt_controller.contract.signals import VEHICLE, InputColumn, StateColumn
 from rt_controller.contract.timing import PERIOD_S
+from sim_bridge.campaign import THIS_MACHINE, Backend, run_campaign
 from sim_bridge.frenet import integrate_poses
 from sim_bridge.plant.library import STEP_S, STEPS_PER_PERIOD, settle, simulate
 from sim_bridge.plant.parameters import default_car

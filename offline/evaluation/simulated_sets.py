@@ -9,7 +9,6 @@ from hashlib import sha256
 
 import numpy as np
 
-from offline.campaign import Backend
 from offline.config import PAST_STEPS, STEPS
 from offline.data.dataset import Dataset, cache_folder, exists, load_dataset
 from offline.data.generate import (
@@ -44,6 +43,7 @@ from rt_controller.contract.arrays import Array
 from rt_controller.contract.limits import INPUT_LIMITS
 from rt_controller.contract.signals import VEHICLE, InputColumn
 from rt_controller.contract.timing import PERIOD_S
+from sim_bridge.campaign import Backend
 from sim_bridge.frenet import integrate_poses
 from sim_bridge.plant.library import STEP_S, STEPS_PER_PERIOD, settle, simulate
 from sim_bridge.plant.parameters import default_car

@@ -92,7 +92,7 @@ def _plan(bundle: Bundle, sample: PlanSample) -> np.ndarray:
         applied = ControlInput(*previous.tolist())
         mpc.forget()
         mpc.resume(applied)
-        x_0 = mpc.observe(VehicleState(*state.tolist()), applied)
+        x_0 = mpc.observer.observe(VehicleState(*state.tolist()), applied)
         reference = PathReference(*path.tolist())
         status = mpc.plan(x_0, float(curvature_per_m), reference, applied)
         if status is not SolveStatus.SOLVED:

@@ -91,6 +91,12 @@ class BusError(RtControllerError):
     exit_code = 5
 
 
+class ControlLawError(RtControllerError):
+    """A control law that raised an exception, or returned no input; the car was stopped."""
+
+    exit_code = 6
+
+
 class PlantError(RtControllerError):
     """A simulated car that raised an exception, or whose motion stopped being finite."""
 

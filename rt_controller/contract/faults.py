@@ -28,7 +28,7 @@ NO_FAULT = Fault(0)
 FAULT_SENTENCES = {
     Fault.STATE_STALE: "No new vehicle state arrived in time.",
     Fault.STATE_INVALID: "The vehicle state had values that may not be used.",
-    Fault.SOLVER_FAILED: "The QP was not solved.",
+    Fault.SOLVER_FAILED: "No input was planned: the QP was not solved, or the control law failed.",
     Fault.DEADLINE_MISSED: "The commands were sent after their deadline.",
     Fault.MISSION_MISSING: "There was no valid mission.",
     Fault.BUS_FAULT: "The bus could not be read, or was off.",
@@ -126,9 +126,9 @@ class StopCause(StrEnum):
         f"Check that the vehicle {_COUNTED}",
     )
     SOLVER_FAILED = (
-        "the QP was not solved",
+        "no input was planned: the QP was not solved, or the control law failed",
         NO_FAULT,
-        "Check the tolerances of --mpc and the model.",
+        "Check the tolerances of --mpc and the model, or the control law of --controller.",
     )
     BUS_FAILED = "the bus cannot be read"
     BUS_OFF = (

@@ -97,6 +97,11 @@ class PathReference(NamedTuple):
     v_mps: float
     a_mps2: float
 
+    def ey_at(self, ahead_m: float) -> float:
+        """Lateral position in m of the path so far ahead of the car."""
+        c0, c1, c2, c3, *_ = self
+        return c0 + ahead_m * (c1 + ahead_m * (c2 + ahead_m * c3))
+
 
 class CurvaturePreview(NamedTuple):
     """Curvature of the road's reference line ahead of the car, positive to the left.

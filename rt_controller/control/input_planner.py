@@ -15,7 +15,7 @@ from rt_controller.contract.signals import (
     VehicleState,
 )
 from rt_controller.control.low_speed import LowSpeedLaw
-from rt_controller.control.mpc import Mpc
+from rt_controller.control.planner import Planner
 from rt_controller.control.program import SolveStatus
 
 
@@ -32,14 +32,14 @@ class PlannedInput(NamedTuple):
 
 
 class InputPlanner:
-    """Model predictive control, the law below its speeds, and the memory of both."""
+    """The planner, the law below its speeds, and the memory of both."""
 
-    def __init__(self, mpc: Mpc, low_speed: LowSpeedLaw) -> None:
-        self._mpc = mpc
+    def __init__(self, planner: Planner, low_speed: LowSpeedLaw) -> None:
+        self._planner = planner
         self._low_speed = low_speed
-        self._inputs = np.zeros_like(mpc.inputs)
+        self._inputs = np.zeros_like(planner.inputs)
         """(N, 3), the last good plan"""
-        self.periods_held = len(mpc.inputs)
+        self.periods_held = len(planner.inputs)
         """periods since that plan was made; at least N if there was none yet"""
 
     @property
@@ -100,33 +100,34 @@ class InputPlanner:
             self._inputs[:], self.periods_held = slow, 0
             return PlannedInput(slow)
         if previous_law is not Mode.NOMINAL:
-            self._mpc.resume(last)
+            self._planner.resume(last)
         if of_car is not None:
-            self._mpc.assume_steady(x_0, curvature_per_m, of_car)
+            self._planner.observer.assume_steady(x_0, curvature_per_m, of_car)
         if steering_rate_radps < inf and under_way:
             last = last._replace(steer_rad=under_way[-1].steer_rad)
         # A wheel that was turned further at a lower speed returns with its rate.
         most_rad = max(self._low_speed.most_plan_rad, abs(last.steer_rad))
-        self._mpc.limit_steering(most_rad, steering_rate_radps)
-        status = self._mpc.plan(x_0, curvature_per_m, path, last, preview, under_way)
+        self._planner.limit_steering(most_rad, steering_rate_radps)
+        status = self._planner.plan(x_0, curvature_per_m, path, last, preview, under_way)
         is_solved = status is SolveStatus.SOLVED
         if is_solved:
-            self._inputs[:], self.periods_held = self._mpc.inputs, 0
+            self._inputs[:], self.periods_held = self._planner.inputs, 0
         control = self._input_after(0 if is_solved else periods)
-        mpc = self._mpc
-        return PlannedInput(control, not is_solved, mpc.iterations, mpc.solve_ns, mpc.lifted)
+        planner = self._planner
+        psi = planner.observer.psi
+        return PlannedInput(control, not is_solved, planner.iterations, planner.solve_ns, psi)
 
     def prepare(self) -> None:
         """Update the QP's matrices for the state that is predicted."""
-        self._mpc.prepare()
+        self._planner.prepare()
 
     def warm_up(self) -> None:
         """Dry-run the planning to warm the caches."""
-        self._mpc.warm_up()
+        self._planner.warm_up()
 
     def forget(self) -> None:
         """No state of this period: the history of inputs and states has a gap."""
-        self._mpc.forget()
+        self._planner.forget()
         self._low_speed.forget()
 
     def observe(
@@ -141,13 +142,13 @@ class InputPlanner:
             self.forget()
         if not is_driven:
             self._low_speed.reset()
-            self._mpc.reset()
+            self._planner.reset()
         if self._low_speed.law is not Mode.NOMINAL:
-            self._mpc.forget()  # the model has no data of so slow a car
+            self._planner.forget()  # the model has no data of so slow a car
         self._low_speed.observe(state, applied)
-        return self._mpc.observe(state, applied)
+        return self._planner.observer.observe(state, applied)
 
     def observe_estimate(self, state: VehicleState, applied: ControlInput) -> VehicleState:
         """The same with an estimated state, for a stop."""
         self._low_speed.forget()
-        return self._mpc.observe_estimate(state, applied)
+        return self._planner.observer.observe_estimate(state, applied)

@@ -17,15 +17,16 @@ from rt_controller.contract.signals import (
     VehicleState,
 )
 from rt_controller.control.eq14 import CondensedQp, Corridor, TrackingCost
-from rt_controller.control.estimator import MOTION_GAIN, Estimator
+from rt_controller.control.estimator import MOTION_GAIN
 from rt_controller.control.knots import place_knots
-from rt_controller.control.lift import Encoder, History
+from rt_controller.control.observer import StateObserver
 from rt_controller.control.pedals import PedalChoice
 from rt_controller.control.program import QuadraticProgram, Solver, SolveStatus
 from rt_controller.control.reference import ReferenceHorizon
 from rt_controller.control.warm_start import open_solver
 from rt_controller.model.bundle import Bundle
 from rt_controller.model.dynamics import roll_out
+from rt_controller.model.roll_outs import OneStep
 from rt_controller.model.validation import require_drivable
 
 MOST_UNDER_WAY = 16
@@ -39,8 +40,8 @@ STRAIGHT_PATH = PathReference(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 class Mpc:
     """The MPC of eq. (14) with the model of one bundle, everything allocated at start.
 
-    A period is `x_0 = observe(...)`, `plan(x_0, ...)`, and, in the time until the next one,
-    `prepare` and `warm_up`.
+    A period is `x_0 = observer.observe(...)`, `plan(x_0, ...)`, and, in the time until the next
+    one, `prepare` and `warm_up`.
 
     Paper: eq. (14).
     """
@@ -54,20 +55,19 @@ class Mpc:
         open_solver: Callable[[QuadraticProgram], Solver] = open_solver,
         knots: int | None = None,
         disturbance_gain: float = MOTION_GAIN,
+        step: OneStep | None = None,
     ) -> None:
-        """`knots` over `horizon`, as of `place_knots`; `disturbance_gain` of `Estimator`."""
+        """`knots` over `horizon`, as of `place_knots`; gain and `step` of `Estimator`."""
         require_drivable(bundle)
         self._bundle = bundle
-        self._encoder = Encoder(bundle)
-        rows = self._encoder.history
-        self._history = None if rows is None else History(rows)
+        self.name = f"{bundle.name} {bundle.sha256[:8]}"
+        self.observer = StateObserver(bundle, horizon + MOST_UNDER_WAY, disturbance_gain, step)
         self._pedals = PedalChoice()
         self._qp = CondensedQp(bundle, horizon, cost, corridor, knots)
         self._reference = ReferenceHorizon(self._qp.knots)
         self._solver = open_solver(self._qp.program)
         self._knots = np.array([0, *self._qp.knots.ends])
         """stages at which the reference is compared with the prediction"""
-        self._estimator = Estimator(bundle, horizon + MOST_UNDER_WAY, disturbance_gain)
         self.solve_ns = 0
         """time of the last solve"""
         self.max_iterations: int | None = None
@@ -97,13 +97,11 @@ class Mpc:
         """
         qp = self._qp
         self._x_0, self._path, self._preview, self._under_way = x_0, path, preview, under_way
-        psi = self._encoder.lift(x_0, curvature_per_m)
-        for each in under_way:
-            psi = self._estimator.step(psi, each, curvature_per_m)
+        psi = self.observer.after(self.observer.lift(x_0, curvature_per_m), under_way)
         qp.psi_0[:], qp.kappa, qp.u_prev[:] = psi, curvature_per_m, previous
         delay = len(under_way)
         qp.x_r[:] = self._reference.expand(path, x_0, curvature_per_m, preview, delay)
-        qp.x_r -= self._estimator.deviations(self._knots + delay, x_0.vx_mps)
+        qp.x_r -= self.observer.estimator.deviations(self._knots + delay, x_0.vx_mps)
         if not self._is_prepared:
             self._update_matrices()
         qp.update_vectors()
@@ -130,8 +128,8 @@ class Mpc:
             return
         qp, first = self._qp, ControlInput(*self.inputs[0].tolist())
         acting = self._under_way[0] if self._under_way else first
-        self._estimator.advance(self._encoder.psi, acting, qp.kappa)
-        qp.psi_0[:] = self._estimator.step(qp.psi_0, first, qp.kappa)
+        self.observer.advance(acting)
+        qp.psi_0[:] = self.observer.after(qp.psi_0, (first,))
         qp.u_prev[:] = first
         self._is_prepared = self._update_matrices()
         self._has_plan = False  # a plan is the nominal trajectory of one period only
@@ -147,44 +145,20 @@ class Mpc:
         qp = self._qp
         x_0 = VehicleState(*qp.psi_0[:N_STATES].tolist())
         self._reference.expand(self._path, x_0, qp.kappa, self._preview, len(self._under_way))
-        self._encoder.lift(x_0, qp.kappa)
+        self.observer.lift(x_0, qp.kappa)
         qp.update_vectors()
         qp.update_bounds(self._pedals)
         self._solver.solve()
 
-    def observe(self, state: VehicleState, held: ControlInput) -> VehicleState:
-        """x_0: the filtered `state`, added to the history; `held` was applied until now."""
-        x_0 = self._estimator.estimate(state, self._qp.kappa)
-        if self._history is not None:
-            self._history.advance(x_0, held)
-        return x_0
-
-    def observe_estimate(self, state: VehicleState, held: ControlInput) -> VehicleState:
-        """The same with a state that is partly estimated, since a signal is faulty.
-
-        What was learned from the faulty signal is discarded, and nothing is learned from it.
-        """
-        self._estimator.reset()
-        return self.observe(state, held)
-
     def forget(self) -> None:
         """Discard the history and the plan: a period or more is missing before the next state."""
         self._has_plan = self._is_prepared = False
-        self._estimator.forget()
-        if self._history is not None:
-            self._history.forget()
+        self.observer.forget()
 
     def reset(self) -> None:
         """Another drive begins: discard all that was learned from the last one."""
         self.forget()
-        self._estimator.reset()
-
-    def assume_steady(
-        self, state: VehicleState, curvature_per_m: float, applied: ControlInput
-    ) -> None:
-        """A drive begins with a car, `state` observed last, that turns steadily with this input."""
-        psi = self._encoder.lift(state, curvature_per_m)
-        self._estimator.assume_steady(psi, applied, curvature_per_m)
+        self.observer.reset()
 
     def resume(self, previous: ControlInput) -> None:
         """Before the first plan after another law made the inputs, the last one `previous`."""
@@ -201,11 +175,6 @@ class Mpc:
     @property
     def iterations(self) -> int:
         return self._solver.iterations
-
-    @property
-    def lifted(self) -> Array:
-        """psi (n,) of the last state; `warm_up` overwrites it."""
-        return self._encoder.psi
 
     @property
     def periods_under_way(self) -> int:

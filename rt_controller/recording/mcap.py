@@ -20,7 +20,7 @@ from rt_controller.contract.errors import needs_extra
 from rt_controller.contract.faults import Fault
 from rt_controller.contract.signals import VEHICLE, ControlInput, PathReference, VehicleState
 from rt_controller.contract.timing import PERIOD_S
-from rt_controller.control.mpc import Mpc
+from rt_controller.control.planner import Planner
 from rt_controller.recording.journal import TickRecord
 from rt_controller.recording.replay import ReplayedTick
 from rt_controller.safety.tick import Tick
@@ -81,15 +81,15 @@ class McapFile:
         """Why something is missing, for people; empty if nothing is."""
         return self._file.log.failure
 
-    def add(self, tick: ReplayedTick, mpc: Mpc) -> None:
-        """A tick, the frames before it, and the plan that `mpc` has just made."""
+    def add(self, tick: ReplayedTick, planner: Planner) -> None:
+        """A tick, the frames before it, and the plan that `planner` has just made."""
         for call in tick.recorded.calls:
             for frame in call.frames:
                 self._add_frame(call.stamp_ns, frame)
         if tick.recorded.tick >= 0:
             self._add_tick(tick.recorded, tick.result)
-            if (states := mpc.predicted_states()) is not None:
-                self._log("/plan", tick.recorded.began_ns, _plan(mpc.inputs, states))
+            if (states := planner.predicted_states()) is not None:
+                self._log("/plan", tick.recorded.began_ns, _plan(planner.inputs, states))
 
     def close(self) -> None:
         """Complete the file."""

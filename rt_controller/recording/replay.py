@@ -19,7 +19,7 @@ from rt_controller.bus.messages import COMMAND
 from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.signals import ControlInput
 from rt_controller.mapping.can_log import read_frames
-from rt_controller.node import ControlNode, build_mpc, build_node
+from rt_controller.node import ControlNode, build_node, build_planner
 from rt_controller.recording.journal import (
     BUS_FAILURE,
     Call,
@@ -113,11 +113,13 @@ class Replay:
         header = drive.header
         self.config = header.controller_config()
         bundle = header.load_model(model)
-        self.mpc = build_mpc(bundle, self.config.mpc, header.max_iterations)
+        self.planner = build_planner(bundle, self.config, max_iterations=header.max_iterations)
         self._drive = drive
         self._clock = _RecordedClock()
         self._bus = _RecordedBus()
-        self.node: ControlNode = build_node(self._bus, self.config, bundle, self.mpc, self._clock)
+        self.node: ControlNode = build_node(
+            self._bus, self.config, bundle, self.planner, self._clock
+        )
 
     def ticks(self) -> Iterator[ReplayedTick]:
         """Each recorded tick, replayed; the calls after the last one are a tick of number -1."""

@@ -116,7 +116,7 @@ def _follow(axes: "Axes", view: PlanView, tick: int) -> None:
     from rt_controller.report.above import set_window
 
     low, high = set_window(axes, [view])
-    box = axes.get_position().size * axes.figure.get_size_inches()
+    box = axes.get_window_extent().size
     if max((high - low) / box) * box[0] <= LONGEST_WHOLE_M:
         return
     half_m = 0.5 * LONGEST_WHOLE_M * np.array([1.0, box[1] / box[0]])

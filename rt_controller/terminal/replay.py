@@ -51,7 +51,7 @@ def replay_at_terminal(
         for tick in replay.ticks():
             found += differences(tick)
             if file is not None:
-                file.add(tick, replay.mpc)
+                file.add(tick, replay.planner)
     changed = drive.header.changed_versions()
     for change in changed:
         show(f"note: {change}", is_quiet)

@@ -12,6 +12,7 @@ from rt_controller.bus.messages import STATE
 from rt_controller.bus.transport import require_interface
 from rt_controller.contract.errors import BusError, OutputError, PlantError, RtControllerError
 from rt_controller.contract.figures import require_writable, write_figures
+from rt_controller.controllers import law_error
 from rt_controller.drive.scenario import (
     EXIT_LIMIT,
     CarFigure,
@@ -23,7 +24,7 @@ from rt_controller.drive.table import PredictedPath
 from rt_controller.loop import Ending
 from rt_controller.model.artifact import find_model, load_bundle
 from rt_controller.model.validation import explain_missing_plans
-from rt_controller.node import build_mpc, choose_low_speed_car
+from rt_controller.node import build_planner, choose_low_speed_car
 from rt_controller.realtime.clock import Clock, LockstepClock, RealtimeClock
 from rt_controller.report.table import Fact, facts_table, print_table
 from rt_controller.safety.modes import BUS_CAUSES, RECOVERABLE_BUS_CAUSES
@@ -35,7 +36,7 @@ from rt_controller.simulation import (
     finished_drive,
     named_scenario,
     open_virtual_car,
-    record_prediction,
+    record_predictions,
     scenario_notes,
 )
 from rt_controller.terminal.command_line import print_error
@@ -89,7 +90,7 @@ def run_at_terminal(options: "RunOptions") -> int:
     with announce("loading the model, assembling the QP", options.quiet):
         folder = find_model(options.model)
         bundle = load_bundle(folder)
-        mpc = build_mpc(bundle, options.mpc)
+        planner = build_planner(bundle, options)
     missing = explain_missing_plans(bundle, folder)
     if missing:
         show(f"note: {missing}", options.quiet)
@@ -108,14 +109,12 @@ def run_at_terminal(options: "RunOptions") -> int:
                     show(f"note: {note}", options.quiet)
             log = None if options.check else options.record
             session = ControllerSession(
-                options, options, bundle, mpc, clock, log, options.overwrite
+                options, options, bundle, planner, clock, log, options.overwrite
             )
             opened.callback(session.close)
-            horizons = list[PredictedPath]()
-            if options.is_lockstep and options.plot is not None:
-                session.observe = partial(record_prediction, mpc, horizons)
+            horizons = record_predictions(session) if options.is_lockstep and options.plot else []
             if options.check:
-                show(f"{session.model}: no error found")
+                show(f"{planner.name}: no error found")
                 return 0
             signals.enter_context(stop_on_signals(session.request_stop))
             if car is not None and not options.is_lockstep:
@@ -127,6 +126,10 @@ def run_at_terminal(options: "RunOptions") -> int:
         figures = () if car is None else car.bridge.figures()
         is_complete = _write(session, car, figures, horizons, options)
         code = _exit_code(session, car, figures, options)
+        failure = law_error(planner)
+        if failure is not None and not code:  # the car went on with the next input
+            print_error(PROGRAM, str(failure))
+            code = failure.exit_code
         code = code if code or is_complete else OutputError.exit_code
         # After a failed plant the controller ends in a safe stop; the exit code names the plant.
         is_failed = car is not None and car.bridge.summary().plant_failure is not None
@@ -214,7 +217,9 @@ def _exit_code(
     if record.ending is Ending.SAFE_STOPPED or bus_fault in BUS_CAUSES:
         faults = () if car is None else car.bridge.faults_so_far()
         failed = failed_checks(session)
-        stop = explain_stop(cause, session.inbox, faults, bus_fault, failed, braking)
+        stop = law_error(session.planner) or explain_stop(
+            cause, session.inbox, faults, bus_fault, failed, braking
+        )
         print_error(PROGRAM, f"{late}{begin_of_stop(session)}: {stop}")
         is_bus = {cause, bus_fault} & {*BUS_CAUSES, *RECOVERABLE_BUS_CAUSES}
         return BusError.exit_code if is_bus else EXIT_SAFE_STOP

@@ -77,7 +77,7 @@ def to_json(session: ControllerSession, car: LateralError | None = None) -> dict
         "stop_checks": [each._asdict() for each in failed_checks(session)],
         "scheduler": session.guarantees.scheduler,
         "memory_locked": session.guarantees.memory_locked,
-        "model": session.model,
+        "model": session.planner.name,
         "misses_by_cause": {cause.name: n for cause, n in deadlines.misses_by_cause.items() if n},
         "worst_tick": None
         if deadlines.worst is None
@@ -212,7 +212,7 @@ def to_table(
         "vehicle brakes by itself": braking,
         "log": _log_line(session),
     }
-    return facts_table((Fact(*fact) for fact in facts.items() if fact[1]), session.model)
+    return facts_table((Fact(*fact) for fact in facts.items() if fact[1]), session.planner.name)
 
 
 def _log_line(session: ControllerSession) -> str:

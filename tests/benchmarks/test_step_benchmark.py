@@ -11,7 +11,6 @@ from pytest_benchmark.fixture import BenchmarkFixture
 from scripted_vehicle import Rig, build_rig
 from virtual_drive import SHORT_LANE_CHANGE
 
-from benchmarks.figures.closed_loop import RIVALS
 from benchmarks.peers.recording import TIERS, Matrices, Recording, record
 from rt_controller.bus.codec import FrameCodec
 from rt_controller.bus.messages import CATALOGUE, COMMAND, REFERENCE, STATE, Command, Node
@@ -22,10 +21,12 @@ from rt_controller.config import MpcSettings
 from rt_controller.contract.signals import ControlInput, Mode, PathReference, VehicleState
 from rt_controller.contract.timing import PERIOD_NS
 from rt_controller.control.eq14 import CondensedQp
+from rt_controller.control.law import LawPlanner
 from rt_controller.control.lift import Encoder
 from rt_controller.control.mpc import Mpc
 from rt_controller.control.program import SolveStatus
 from rt_controller.control.warm_start import open_solver
+from rt_controller.controllers import BASELINES, open_law
 from rt_controller.model.artifact import load_bundle, shipped_model
 from rt_controller.model.bundle import Bundle
 from rt_controller.realtime.clock import sleep_until
@@ -115,14 +116,11 @@ def test_plan(benchmark, bundle: Bundle) -> None:
     benchmark.extra_info["qp_iterations"] = mpc.iterations
 
 
-@pytest.mark.parametrize("name", RIVALS)
-def test_plan_of_a_rival(benchmark, name: str) -> None:
-    """The same with other controllers; that of nonlinear MPC has several linearisations."""
-    pytest.importorskip("casadi", reason="the extra [peers] is not installed")
-    from benchmarks.rivals.drive import build_rival, tuned_values
-
-    rival = build_rival(name, tuned_values(name))
-    assert benchmark(rival.plan, VEHICLE_STATE, 0.001, WANTED, PREVIOUS) is SolveStatus.SOLVED
+@pytest.mark.parametrize("name", BASELINES)
+def test_plan_of_a_baseline(benchmark, bundle: Bundle, name: str) -> None:
+    """The same with control laws that need no learned model, their preparation included."""
+    planner = LawPlanner(bundle, open_law(name), name)
+    assert benchmark(planner.plan, VEHICLE_STATE, 0.001, WANTED, PREVIOUS) is SolveStatus.SOLVED
 
 
 def test_assembly(benchmark, bundle: Bundle) -> None:

@@ -92,7 +92,7 @@ def offset_m(under_way, *, is_estimated):
     previous = ControlInput(0.1, 0.0, 0.0)
     state, sent, applied = START, [previous] * under_way, previous
     for _ in range(800):
-        x_0 = mpc.observe(state, applied)
+        x_0 = mpc.observer.observe(state, applied)
         if not is_estimated:
             mpc.reset()
             x_0 = state

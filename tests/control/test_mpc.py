@@ -41,7 +41,7 @@ def build(bundle):
 
 
 def plan(mpc, curvature_per_m=CURVATURE_PER_M):
-    x_0 = mpc.observe(STATE, PREVIOUS)
+    x_0 = mpc.observer.observe(STATE, PREVIOUS)
     assert mpc.plan(x_0, curvature_per_m, PATH, PREVIOUS) is SolveStatus.SOLVED
     return mpc.inputs / RANGE
 
@@ -65,7 +65,7 @@ def test_without_a_history_the_state_is_assumed_to_have_been_constant():
     bundle = make_bundle(WITH_PAST, rank=2, bend=1.0)
     observed = build(bundle)
     for _ in range(WITH_PAST.history_steps):
-        observed.observe(STATE, PREVIOUS)
+        observed.observer.observe(STATE, PREVIOUS)
     np.testing.assert_allclose(plan(build(bundle)), plan(observed), rtol=0.0, atol=SAME)
 
 
@@ -74,7 +74,7 @@ def test_another_history_has_another_plan_until_it_is_forgotten():
     constant = plan(mpc)
     mpc.forget()
     for speed_mps in (12.0, 15.0, 18.0):
-        mpc.observe(STATE._replace(vx_mps=speed_mps), PREVIOUS._replace(steer_rad=-0.5))
+        mpc.observer.observe(STATE._replace(vx_mps=speed_mps), PREVIOUS._replace(steer_rad=-0.5))
     assert np.abs(plan(mpc) - constant).max() > 0.01
     mpc.forget()
     np.testing.assert_allclose(plan(mpc), constant, rtol=0.0, atol=SAME)
@@ -93,7 +93,7 @@ def test_a_nan_state_is_a_status_and_the_next_state_is_planned(rank):
     mpc.forget()
     broken = STATE._replace(vy_mps=float("nan"))
     with np.errstate(all="ignore"):
-        x_0 = mpc.observe(broken, PREVIOUS)
+        x_0 = mpc.observer.observe(broken, PREVIOUS)
         assert mpc.plan(x_0, 0.0, PATH, PREVIOUS) is SolveStatus.NUMERICS
     mpc.forget()
     np.testing.assert_allclose(plan(mpc), first, rtol=0.0, atol=SAME)

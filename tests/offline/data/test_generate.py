@@ -5,7 +5,6 @@ import hashlib
 import numpy as np
 import pytest
 
-from offline.campaign import Backend
 from offline.config import PAST_STEPS
 from offline.data import generate as generate_module
 from offline.data.generate import (
@@ -27,6 +26,7 @@ from offline.data.signals import VEHICLE_ROLES
 from offline.data.variation import VARIED, Variation
 from rt_controller.contract.errors import DatasetError
 from rt_controller.contract.signals import VEHICLE
+from sim_bridge.campaign import Backend
 from sim_bridge.plant.protocol import PlantOutputs
 
 

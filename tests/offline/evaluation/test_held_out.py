@@ -7,7 +7,6 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from offline.campaign import Backend
 from offline.config import PAPER
 from offline.data.dataset import cache, save_dataset, split_episodes
 from offline.data.generate import generate
@@ -21,6 +20,7 @@ from rt_controller.contract.errors import DatasetError
 from rt_controller.contract.signals import VEHICLE, Signal
 from rt_controller.model.artifact import load_bundle, shipped_model
 from rt_controller.model.lift import Lift
+from sim_bridge.campaign import Backend
 
 NO_RUN = "no/such/run"
 

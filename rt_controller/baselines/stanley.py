@@ -7,29 +7,26 @@ has its sideslip. The state is predicted by the fitted bicycle over the inputs u
 delay is compensated, and its measurement is filtered as that of `Mpc`.
 """
 
-from collections.abc import Sequence
 from math import atan, atan2
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from benchmarks.rivals.bicycle import Bicycle
-from benchmarks.rivals.ltv_mpc import bicycle_estimator
+from rt_controller.baselines.bicycle import Bicycle
+from rt_controller.baselines.tuned import tuned_values
+from rt_controller.contract.arrays import Array
 from rt_controller.contract.limits import DEFAULT_GEOMETRY, INPUT_LIMITS
 from rt_controller.contract.signals import (
-    N_INPUTS,
-    N_STATES,
     ControlInput,
-    CurvaturePreview,
-    InputColumn,
     PathReference,
     StateColumn,
     VehicleState,
 )
-from rt_controller.contract.timing import HOLD_PLAN_TICKS, PERIOD_S
+from rt_controller.contract.timing import PERIOD_S
+from rt_controller.control.estimator import MOTION_GAIN, Estimator
 from rt_controller.control.knots import place_knots
-from rt_controller.control.pedals import Pedal, PedalChoice, limit_pedals
-from rt_controller.control.program import SolveStatus
+from rt_controller.control.law import Observation
+from rt_controller.control.pedals import Pedal, PedalChoice
 from rt_controller.control.reference import ReferenceHorizon
 
 _AHEAD = 12
@@ -60,56 +57,46 @@ class Gains(NamedTuple):
 
 
 class Stanley:
-    """The law, with the methods of `Mpc` that the loop calls."""
+    """The law; a `ControlLaw`."""
 
-    iterations = solve_ns = 0
-    lifted = max_iterations = None
-
-    def __init__(self, bicycle: Bicycle, gains: Gains) -> None:
-        self._bicycle, self._gains = bicycle, gains
+    def __init__(self, gains: Gains | None = None) -> None:
+        """`gains`: default those that the search found."""
+        self._gains = gains or Gains(**tuned_values("stanley"))
+        self._bicycle = Bicycle()
         self._reference = ReferenceHorizon(place_knots(_AHEAD, _AHEAD))
-        lower, upper = np.array(INPUT_LIMITS.lower), np.array(INPUT_LIMITS.upper)
-        self._scale = upper - lower
-        self._lower, self._upper = lower / self._scale, upper / self._scale
-        self._slew = np.array(INPUT_LIMITS.rate_per_s) * PERIOD_S / self._scale
         self._pedals = PedalChoice()
-        self._estimator = bicycle_estimator(bicycle, bicycle.bundle())
-        self._now, self._curvature_per_m = np.zeros(N_STATES), 0.0
-        self._acting: ControlInput | None = None
-        self._has_plan = False
+        self._estimator = Estimator(self._bicycle.bundle(), 0, MOTION_GAIN, self._bicycle.step)
+        self._curvature_per_m = 0.0
         self._speed_integral_mps2 = self._offset_m = 0.0
-        self.inputs = np.zeros((HOLD_PLAN_TICKS + 1, N_INPUTS))
-        """(3, 3), the input of this period, held"""
+        self._is_first = True
 
-    def plan(
-        self,
-        state: VehicleState,
-        curvature_per_m: float,
-        path: PathReference,
-        previous: ControlInput,
-        preview: CurvaturePreview | None = None,
-        under_way: Sequence[ControlInput] = (),
-    ) -> SolveStatus:
-        """As `Mpc.plan`."""
-        psi, kappa = np.array([state]), np.array([[curvature_per_m]])
-        self._now, self._curvature_per_m = psi[0], curvature_per_m
-        for u in under_way:
-            psi = self._bicycle.step(psi, np.array([u]), kappa)
-        reference = self._reference.expand(path, state, curvature_per_m, preview, len(under_way))
-        after = VehicleState(*psi[0].tolist())
-        self._acting = under_way[0] if under_way else None
-        wheel_rad = self._front_wheel_rad(after, reference) * DEFAULT_GEOMETRY.steering_ratio
-        throttle, brake_n = self._pedals_of(state.vx_mps, path)
-        scale, slew = self._scale, self._slew
-        wanted, last = np.array([throttle, brake_n, wheel_rad]) / scale, np.array(previous) / scale
-        upper = self._upper[None].copy()
-        limit_pedals(upper, np.ones(1, dtype=np.int64), self._pedals, last, slew)
-        wanted = np.clip(wanted, self._lower, upper[0])
-        self.inputs[:] = np.clip(wanted, last - slew, last + slew) * scale
-        self._has_plan = True
-        return SolveStatus.SOLVED
+    def reset(self) -> None:
+        """The next observation does not follow on the last one."""
+        self._estimator.reset()
+        self._speed_integral_mps2 = self._offset_m = 0.0
+        self._is_first = True
 
-    def _front_wheel_rad(self, state: VehicleState, reference: Any) -> float:
+    def control(self, now: Observation) -> ControlInput:
+        """Pedals and steering wheel of this period."""
+        if self._is_first:
+            self._pedals.resume(now.previous)
+        self._is_first = False
+        state = self._estimator.estimate(now.state, self._curvature_per_m)
+        kappa = self._curvature_per_m = now.curvature_per_m
+        psi = np.array(state)
+        for u in now.under_way:
+            psi = self._bicycle.step(psi, u, kappa)
+        delay = len(now.under_way)
+        reference = self._reference.expand(now.path, state, kappa, now.preview, delay)
+        wheel_rad = self._front_wheel_rad(VehicleState(*psi.tolist()), reference)
+        wheel_rad *= DEFAULT_GEOMETRY.steering_ratio
+        control = ControlInput(*self._pedals_of(state.vx_mps, now.path), wheel_rad)
+        # The input that acts until the next observation, which is filtered with the prediction.
+        acting = now.under_way[0] if now.under_way else control
+        self._estimator.advance(np.array(state), acting, kappa)
+        return control
+
+    def _front_wheel_rad(self, state: VehicleState, reference: Array) -> float:
         """Angle of the front wheels; `reference` (13, 6) from the state on, a row each period."""
         gains, speed_mps = self._gains, max(state.vx_mps, _SLOWEST_MPS)
         curvatures = reference[:, StateColumn.yaw_rate_radps] / np.maximum(
@@ -146,42 +133,3 @@ class Stanley:
         if self._pedals.pedal is Pedal.BRAKE:
             return 0.0, min(max(-wanted / car.brake_mps2_per_n, 0.0), INPUT_LIMITS.upper.brake_n)
         return car.throttle_for(wanted / float(car.full_throttle_mps2(speed_mps))), 0.0
-
-    def prepare(self) -> None:
-        """Predict the next state, which its measurement is filtered with."""
-        if self._has_plan:
-            acting = self._acting or ControlInput(*self.inputs[0].tolist())
-            self._estimator.advance(self._now, acting, self._curvature_per_m)
-        self._has_plan = False
-
-    def observe(self, state: VehicleState, held: ControlInput) -> VehicleState:
-        """Filter `state` as `Mpc` does."""
-        return self._estimator.estimate(state, self._curvature_per_m)
-
-    observe_estimate = observe
-
-    def forget(self) -> None:
-        """A period or more is missing before the next state."""
-        self._has_plan = False
-        self._estimator.forget()
-
-    def reset(self) -> None:
-        """Another drive begins."""
-        self.forget()
-        self._estimator.reset()
-        self._speed_integral_mps2 = self._offset_m = 0.0
-
-    def resume(self, previous: ControlInput) -> None:
-        """Continue after another law."""
-        self._pedals.resume(previous)
-
-    def limit_steering(self, most_rad: float, rate_radps: float) -> None:
-        """Bound the wheel; no car of the comparison has a slow one."""
-        wheel = InputColumn.steer_rad
-        self._upper[wheel] = most_rad / self._scale[wheel]
-        self._lower[wheel] = -self._upper[wheel]
-
-    def _do_nothing(self, *_: Any) -> None:
-        """There is no plan and no solver, and the cars of the comparison follow its commands."""
-
-    warm_up = limit_solve_time = assume_steady = predicted_states = _do_nothing

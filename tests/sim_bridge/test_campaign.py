@@ -8,9 +8,9 @@ from operator import neg
 
 import pytest
 
-from offline import campaign
-from offline.campaign import Backend, WorkersLostError, run_campaign
 from rt_controller.contract.errors import ConfigError, MissingExtraError
+from sim_bridge import campaign
+from sim_bridge.campaign import Backend, WorkersLostError, run_campaign
 
 TASKS = [(str(number), (number,)) for number in range(20)]
 NEGATIVES = {key: -number for key, (number,) in TASKS}

@@ -1,0 +1,141 @@
+"""A comparison of controllers for people: one sentence, one table, and a page with an overlay."""
+
+from collections.abc import Mapping
+from math import exp, isfinite, log, nan
+from typing import NamedTuple
+
+from rt_controller.drive.table import Drive
+from rt_controller.report.page import Page, Plot, Section
+from rt_controller.report.table import NO_VALUE, Cell, Column, Row, Table, format_number
+
+
+class FigureColumn(NamedTuple):
+    """A figure of `ComparedDrive`, as the table shows it."""
+
+    field: str
+    title: str
+    unit: str
+    per_si: float = 1.0
+
+
+class ComparedFigures(NamedTuple):
+    """Figures of one controller in one scenario, over all seeds."""
+
+    means: Mapping[str, float]
+    """by field; NaN if a drive has none"""
+    worst: Mapping[str, float]
+    failure: str
+    """of the first drive that failed or ended early; empty: none did"""
+
+
+ERROR = FigureColumn("ey_rms_m", "lateral error", "RMS, mm", 1e3)
+COLUMNS = (
+    ERROR,
+    FigureColumn("ey_peak_m", "peak", "mm", 1e3),
+    FigureColumn("speed_rms_mps", "speed error", "RMS, km/h", 3.6),
+    FigureColumn("wheel_rate_rms_degps", "wheel rate", "RMS, deg/s"),
+    FigureColumn("lateral_jerk_rms_mps3", "jerk aside", "RMS, m/s³"),
+    FigureColumn("jerk_rms_mps3", "jerk along", "RMS, m/s³"),
+    FigureColumn("step_p50_us", "step", "ms", 1e-3),
+)
+Compared = Mapping[tuple[str, str], ComparedFigures]
+"""by scenario and controller"""
+
+
+def headline(compared: Compared) -> str:
+    """Which controller has the smallest lateral error, and in how many scenarios."""
+    scenarios = list(dict.fromkeys(scenario for scenario, _ in compared))
+    wins = [name for each in scenarios for name in _best(compared, each, ERROR.field)]
+    counts = {name: wins.count(name) for _, name in compared}
+    ratios = mean_ratios(compared)
+    first = next(iter(counts))
+    texts = [
+        f"{name} has the smallest lateral error in {count} of {len(scenarios)} scenarios"
+        for name, count in counts.items()
+        if count
+    ]
+    others = [
+        f"{name} {format_number(ratio, 3)} times"
+        for name, ratio in ratios.items()
+        if name != first and isfinite(ratio)
+    ]
+    text = f"{'; '.join(texts) or 'No controller finished a drive'}."
+    if others:
+        text += f" Lateral error of the others, in units of that of {first}: {', '.join(others)}."
+    return text
+
+
+def mean_ratios(compared: Compared) -> dict[str, float]:
+    """Geometric mean over the scenarios of each lateral error over that of the first controller.
+
+    NaN for a controller that has not finished them all.
+    """
+    names = list(dict.fromkeys(name for _, name in compared))
+    scenarios = list(dict.fromkeys(scenario for scenario, _ in compared))
+    found = {}
+    for name in names:
+        pairs = [
+            (compared[each, name].means[ERROR.field], compared[each, names[0]].means[ERROR.field])
+            for each in scenarios
+        ]
+        is_positive = all(one > 0.0 and other > 0.0 for one, other in pairs)
+        logs = [log(one / other) for one, other in pairs if is_positive]
+        found[name] = exp(sum(logs) / len(logs)) if logs else nan
+    return found
+
+
+def comparison_table(compared: Compared, seeds: int) -> Table:
+    """A row for each controller in each scenario; the best value of a column is marked."""
+    rows = list[Row]()
+    footnotes = dict[str, int]()
+    for scenario in dict.fromkeys(scenario for scenario, _ in compared):
+        rows.append((scenario,))
+        best = {each.field: _best(compared, scenario, each.field) for each in COLUMNS}
+        for (of, name), figures in compared.items():
+            if of != scenario:
+                continue
+            cells = [
+                _cell(figures, column, name in best[column.field], seeds) for column in COLUMNS
+            ]
+            mark = ""
+            if figures.failure:
+                mark = f" [{footnotes.setdefault(figures.failure, len(footnotes) + 1)}]"
+            rows.append((f"{name}{mark}", *cells))
+    notes = [f"[{number}] {text}" for text, number in footnotes.items()]
+    if seeds > 1:
+        notes.append(f"Mean of {seeds} drives with noise of the sensors; second line: the worst.")
+    columns = (Column("controller", is_text=True), *(Column(c.title, c.unit) for c in COLUMNS))
+    return Table("Controllers in the same scenarios", columns, tuple(rows), tuple(notes))
+
+
+def comparison_page(
+    compared: Compared, seeds: int, drives: Mapping[str, Mapping[str, Drive]], conditions: str
+) -> Page:
+    """The page: sentence, table, and the overlay of each scenario, by name."""
+    from rt_controller.report.overlay import overlay
+
+    table = comparison_table(compared, seeds)
+    sections = tuple(
+        Section(name, (Plot(overlay(of_scenario), "The dashed line is the path."),))
+        for name, of_scenario in drives.items()
+        if of_scenario
+    )
+    return Page("Controllers compared", sections, (headline(compared), conditions, table))
+
+
+def _best(compared: Compared, scenario: str, field: str) -> list[str]:
+    """The controllers with the smallest value; several if they are equal to three digits."""
+    values = {
+        name: float(f"{figures.means[field]:.3g}")
+        for (of, name), figures in compared.items()
+        if of == scenario and isfinite(figures.means[field]) and not figures.failure
+    }
+    return [name for name, value in values.items() if value == min(values.values())]
+
+
+def _cell(figures: ComparedFigures, column: FigureColumn, is_best: bool, seeds: int) -> Cell:
+    value = figures.means[column.field] * column.per_si
+    if not isfinite(value):
+        return Cell(NO_VALUE)
+    worst = format_number(figures.worst[column.field] * column.per_si, 3) if seeds > 1 else ""
+    return Cell(format_number(value, 3), worst, "good" if is_best else "")

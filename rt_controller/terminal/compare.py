@@ -1,0 +1,95 @@
+"""`rt-controller compare`: the same scenarios with several controllers, and what differs."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rich.console import Console
+
+from rt_controller.comparison import ComparedDrive, Comparison, compare
+from rt_controller.contract.errors import OutputError
+from rt_controller.contract.figures import require_writable, write_figures
+from rt_controller.contract.files import write_text
+from rt_controller.report.comparison_page import comparison_page, comparison_table, headline
+from rt_controller.report.drive_figure import require_figure_file, write_figure
+from rt_controller.report.page import render_page, require_report_extra
+from rt_controller.report.table import print_table
+from rt_controller.settings import CarSettings
+from rt_controller.terminal.progress import show
+
+if TYPE_CHECKING:
+    from sim_bridge.campaign import Backend
+
+
+def compare_at_terminal(
+    controllers: Sequence[str],
+    scenarios: Sequence[str],
+    seeds: int,
+    car: CarSettings,
+    backend: "Backend",
+    html: Path | None,
+    plot: Path | None,
+    results: Path | None,
+    json_file: Path | None,
+    is_quiet: bool,
+) -> int:
+    """Drive, print the table, write the files; the exit code of the program."""
+    require_writable(json_file)
+    if html is not None:
+        require_report_extra("--html")
+        require_writable(html, "--html")
+    if plot is not None:
+        require_writable(plot, "--plot")
+        require_figure_file(plot)
+    done = 0
+
+    def report(row: ComparedDrive) -> None:
+        nonlocal done
+        done += 1
+        seed = f", seed {row.seed}" if row.seed else ""
+        text = row.failure or f"lateral error RMS {1e3 * row.ey_rms_m:.3g} mm"
+        show(f"{done}: {row.controller} in {row.scenario}{seed}: {text}", is_quiet)
+
+    comparison = compare(
+        controllers,
+        scenarios,
+        seeds=seeds,
+        car=car,
+        backend=backend,
+        results=results,
+        on_progress=report,
+    )
+    console, compared = Console(), comparison.by_scenario()
+    console.print(headline(compared), highlight=False, markup=False, soft_wrap=True)
+    print_table(comparison_table(compared, seeds), console)
+    write_figures(json_file, comparison_figures(comparison, car))
+    if plot is not None:
+        write_figure(comparison.plot(), plot)
+    if html is not None:
+        drives = {name: comparison.first_drives(name) for name in comparison.scenarios}
+        page = comparison_page(compared, seeds, drives, _conditions(car))
+        _write_page(html, render_page(page))
+        show(f"{html}", is_quiet)
+    return 0
+
+
+def comparison_figures(comparison: Comparison, car: CarSettings) -> dict[str, Any]:
+    """All rows, and the conditions of the drives, for `--json`."""
+    conditions = car.model_dump(mode="json", exclude={"scenario"})
+    return {"conditions": conditions, "drives": comparison.figures()}
+
+
+def _conditions(car: CarSettings) -> str:
+    chosen = car.model_dump(mode="json", exclude_defaults=True, exclude={"scenario"})
+    listed = ", ".join(f"{name.replace('_', ' ')} {value}" for name, value in chosen.items())
+    return f"In simulated time, with the car's own truth; {listed or 'the default car'}."
+
+
+def _write_page(path: Path, text: str) -> None:
+    try:
+        write_text(path, text)
+    except OSError as error:
+        raise OutputError(
+            f"--html {path}: expected room for the page, found {error.strerror}. Free some space; "
+            f"with --results the drives are kept."
+        ) from error
