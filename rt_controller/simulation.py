@@ -107,14 +107,27 @@ def finished_drive(
     )
 
 
-def predicted_path(planner: Planner, tick: int) -> PredictedPath | None:
-    """Where the plan that `planner` has just made takes the car, counted from it; None: no plan."""
-    states = planner.predicted_states()
-    if states is None:
-        return None
-    moved_m, ey_m = states[:, StateColumn.ds_m], states[:, StateColumn.ey_m]
-    begin_m = (planner.periods_under_way - 1) * moved_m[0]
-    return PredictedPath(tick, begin_m + np.cumsum(moved_m), ey_m)
+def record_predictions(
+    session: ControllerSession,
+    after_tick: Callable[[ControllerSession], None] = lambda session: None,
+) -> list[PredictedPath]:
+    """Where the plan of every fourth tick takes the car, counted from it: grows with the drive.
+
+    It allocates memory: not for a loop in real time. `after_tick` is called after each tick.
+    """
+    planner, horizons = session.planner, list[PredictedPath]()
+
+    def observe(session: ControllerSession) -> None:
+        tick = session.record.trace.last_tick
+        states = planner.predicted_states() if tick % TICKS_PER_HORIZON == 0 else None
+        if states is not None:
+            moved_m, ey_m = states[:, StateColumn.ds_m], states[:, StateColumn.ey_m]
+            begin_m = (planner.periods_under_way - 1) * moved_m[0]
+            horizons.append(PredictedPath(tick, begin_m + np.cumsum(moved_m), ey_m))
+        after_tick(session)
+
+    session.observe = observe
+    return horizons
 
 
 def car_error(car: "BridgeSession") -> LateralError:
@@ -252,15 +265,6 @@ def drive_in_lockstep(
     `plant` and `scenario` replace those that `car` names; `checks` are those of the supervisor;
     `after_tick` is called after each step; otherwise as `simulate`.
     """
-    horizons = list[PredictedPath]()
-
-    def observe(session: ControllerSession) -> None:
-        tick = session.record.trace.last_tick
-        if tick % TICKS_PER_HORIZON == 0:
-            path = predicted_path(planner, tick)
-            horizons.extend([] if path is None else [path])
-        after_tick(session)
-
     bus = BusSettings(bus=VIRTUAL, channel=f"simulate-{next(_numbers)}")
     with (
         closing(open_virtual_car(bus, car, plant, scenario)) as virtual,
@@ -270,7 +274,7 @@ def drive_in_lockstep(
         with closing(
             ControllerSession(bus, config, bundle, planner, clock, checks=checks)
         ) as session:
-            session.observe = observe
+            horizons = record_predictions(session, after_tick)
             session.start(duration_s, False, _LONGEST_WAIT_S).join()
     if session.failure is not None:
         raise session.failure

@@ -194,11 +194,11 @@ class Drive:
         return frame
 
     def plot(self, file: Path | str | None = None) -> "Figure":
-        """Position, lateral error, steering wheel, pedals, speed over time: a matplotlib figure.
+        """The drive from above, and curves over time: a matplotlib figure.
 
         Args:
             file: also write the figure there; the suffix chooses the format (.png, .svg,
-                .pdf; .gif is a moving picture of the car from above).
+                .pdf; .gif is a moving picture from above, without curves).
         """
         require_type("file", file, str | Path | None, "the path of a file")
         from rt_controller.report.drive_figure import draw_drive

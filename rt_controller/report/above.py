@@ -84,11 +84,11 @@ def label_times(axes: Axes, drive: Drive, view: PlanView, apart_m: float) -> Non
     """Write the time beside the car where it is so far from all other labels."""
     car = view.car
     for k in _apart(car.x_m, car.y_m, round(1.0 / PERIOD_S), apart_m):
-        side = np.array([-np.sin(car.yaw_rad[k]), np.cos(car.yaw_rad[k])])
+        yaw_rad = car.yaw_rad[k]
         axes.annotate(
             f"{drive['time_s'][k]:.0f} s",
             (car.x_m[k], car.y_m[k]),
-            xytext=14.0 * side,
+            xytext=(-14.0 * np.sin(yaw_rad), 14.0 * np.cos(yaw_rad)),
             textcoords="offset points",
             ha="center",
             va="center",

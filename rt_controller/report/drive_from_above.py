@@ -1,6 +1,7 @@
 """The moving picture of one drive: the car from above, in the plane and along its road."""
 
 from io import BytesIO
+from math import ceil
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,8 +14,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from PIL.Image import Image
 
-TICKS_PER_FRAME = 4
-"""a frame every 100 ms"""
+TICKS_PER_FRAME, MOST_FRAMES = 4, 200
+"""a frame every 100 ms, of a longer drive a multiple of that: the file stays small"""
 BEHIND_M, AHEAD_M, BESIDE_M = 12.0, 68.0, 5.5
 """of the road that is seen around the car"""
 LONGEST_WHOLE_M = 300.0
@@ -76,7 +77,8 @@ def animate(drive: Drive) -> bytes:
     )
     canvas, images = FigureCanvasAgg(figure), list[Image.Image]()
     figure.set_dpi(DOTS_PER_INCH)
-    for k in range(0, len(drive), TICKS_PER_FRAME):
+    ticks = TICKS_PER_FRAME * max(1, ceil(len(drive) / (TICKS_PER_FRAME * MOST_FRAMES)))
+    for k in range(0, len(drive), ticks):
         for panel in panels:
             panel.move_to(k)
         _follow(plane, view, k)
@@ -93,7 +95,7 @@ def animate(drive: Drive) -> bytes:
         canvas.draw()  # type: ignore[no-untyped-call]
         pixels = np.asarray(canvas.buffer_rgba())  # type: ignore[no-untyped-call]
         images.append(Image.fromarray(pixels).convert("RGB"))
-    return _to_gif(images)
+    return _to_gif(images, round(1e3 * ticks * PERIOD_S))
 
 
 def _draw_strip(axes: "Axes", drive: Drive) -> None:
@@ -114,7 +116,7 @@ def _follow(axes: "Axes", view: PlanView, tick: int) -> None:
     from rt_controller.report.above import set_window
 
     low, high = set_window(axes, [view])
-    box = axes.get_position().size * axes.figure.get_size_inches()
+    box = axes.get_window_extent().size
     if max((high - low) / box) * box[0] <= LONGEST_WHOLE_M:
         return
     half_m = 0.5 * LONGEST_WHOLE_M * np.array([1.0, box[1] / box[0]])
@@ -123,7 +125,7 @@ def _follow(axes: "Axes", view: PlanView, tick: int) -> None:
     axes.set_ylim(y_m - half_m[1], y_m + half_m[1], auto=True)
 
 
-def _to_gif(images: "list[Image]") -> bytes:
+def _to_gif(images: "list[Image]", duration_ms: int) -> bytes:
     from matplotlib.colors import to_rgb
     from PIL.Image import Dither
     from PIL.Image import new as new_image
@@ -138,7 +140,7 @@ def _to_gif(images: "list[Image]") -> bytes:
     palette = new_image("P", (1, 1))
     palette.putpalette(np.round(255.0 * colours).astype(int).ravel().tolist())
     frames = [each.quantize(palette=palette, dither=Dither.NONE) for each in images]
-    out, duration_ms = BytesIO(), round(1e3 * TICKS_PER_FRAME * PERIOD_S)
+    out = BytesIO()
     frames[0].save(
         out, "GIF", save_all=True, append_images=frames[1:], duration=duration_ms, loop=0
     )

@@ -20,6 +20,7 @@ from rt_controller.drive.scenario import (
     figures_to_json,
     limits_missed,
 )
+from rt_controller.drive.table import PredictedPath
 from rt_controller.loop import Ending
 from rt_controller.model.artifact import find_model, load_bundle
 from rt_controller.model.validation import explain_missing_plans
@@ -35,6 +36,7 @@ from rt_controller.simulation import (
     finished_drive,
     named_scenario,
     open_virtual_car,
+    record_predictions,
     scenario_notes,
 )
 from rt_controller.terminal.command_line import print_error
@@ -110,6 +112,7 @@ def run_at_terminal(options: "RunOptions") -> int:
                 options, options, bundle, planner, clock, log, options.overwrite
             )
             opened.callback(session.close)
+            horizons = record_predictions(session) if options.is_lockstep and options.plot else []
             if options.check:
                 show(f"{planner.name}: no error found")
                 return 0
@@ -121,7 +124,7 @@ def run_at_terminal(options: "RunOptions") -> int:
             if session.failure is not None:
                 raise session.failure
         figures = () if car is None else car.bridge.figures()
-        is_complete = _write(session, car, figures, options)
+        is_complete = _write(session, car, figures, horizons, options)
         code = _exit_code(session, car, figures, options)
         failure = law_error(planner)
         if failure is not None and not code:  # the car went on with the next input
@@ -137,6 +140,7 @@ def _write(
     session: ControllerSession,
     car: "BridgeSession | None",
     figures: Sequence[CarFigure],
+    horizons: Sequence[PredictedPath],
     options: "RunOptions",
 ) -> bool:
     """Print the summary and write the files that the options name; False if one is incomplete."""
@@ -161,7 +165,7 @@ def _write(
 
     def plot() -> None:
         if options.plot is not None:
-            drive = session.drive() if car is None else finished_drive(session, car)
+            drive = session.drive() if car is None else finished_drive(session, car, horizons)
             drive.plot(options.plot)
 
     failures = [] if session.recorder is None else [session.recorder.explain_failure()]

@@ -158,7 +158,7 @@ def test_place_cones_and_time_at_the_limit_of_the_wheel_are_of_the_drive(lti):
     np.testing.assert_allclose(moved_m[first:-1], driven["ds_m"][first + 1 : -1], atol=1e-9)
     assert driven.at_limit_s.steer_rad > 2.0
     assert driven.at_limit_s.brake_n == 0.0
-    position = driven.plot().axes[0]
+    position = driven.plot().axes[1]
     cones = next(line for line in position.lines if line.get_label() == "cones")
     reached_s = np.interp([55.0, 85.0], driven["s_m"], driven["time_s"])
     assert np.asarray(cones.get_xdata()) == pytest.approx(reached_s)

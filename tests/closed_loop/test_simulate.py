@@ -100,7 +100,9 @@ def test_a_drive_is_drawn(drive, tmp_path):
     pytest.importorskip("matplotlib")
     figure = drive.plot(tmp_path / "drive.svg")
     assert (tmp_path / "drive.svg").read_text().count("steering wheel / deg") >= 1
-    assert len(figure.axes) == 6
+    above, *over_time = figure.axes
+    assert (above.get_xlabel(), above.get_ylabel()) == ("x / m", "y / m")
+    assert len(over_time) == 6
     assert figure.get_suptitle().startswith("straight, lti")
     assert figure._repr_png_().startswith(b"\x89PNG")  # what a notebook shows
     with pytest.raises(ConfigError, match=r"\.png, \.svg, \.pdf"):
@@ -113,6 +115,15 @@ def test_a_moving_picture_has_a_frame_each_tenth_of_a_second(tmp_path):
     with Image.open(tmp_path / "drive.gif") as picture:
         found = picture.format, picture.info["duration"], picture.n_frames
     assert found == ("GIF", 100, -(-len(short) // 4))
+
+
+def test_drives_are_laid_over_each_other_by_name(drive):
+    pytest.importorskip("matplotlib")
+    from rt_controller.report.overlay import overlay
+
+    figure = overlay({"first": drive, "second": drive})
+    assert [text.get_text() for text in figure.legends[0].get_texts()][-2:] == ["first", "second"]
+    assert [len(axes.lines) for axes in figure.axes[1:]] == [2, 2, 2]
 
 
 def test_a_plant_that_fails_is_an_error(lti):
