@@ -2,6 +2,7 @@
 
 import base64
 from collections.abc import Callable, Mapping, Sequence
+from copy import deepcopy
 from dataclasses import dataclass, replace
 from math import nan
 from pathlib import Path
@@ -297,7 +298,9 @@ def _drive(
     from sim_bridge.faults.sensors import sensor_noise
 
     config = _config(settings, entrant)
-    bundle, law = Bundle.load(config.model), None if isinstance(entrant, str) else entrant
+    # A law begins every drive as it was given, as it does in another process.
+    law = None if isinstance(entrant, str) else deepcopy(entrant)
+    bundle = Bundle.load(config.model)
     accounts: list[DeadlineAccount] = []
     faults = sensor_noise(np.random.default_rng(seed)) if seed else []
     driven = replace(

@@ -121,8 +121,8 @@ def run_at_terminal(options: "RunOptions") -> int:
                 car.start(CAR_PRIORITY)
             thread = session.start(options.duration_s, options.stay, options.wait_s)
             watch(thread, partial(next, live_lines(session)), options.quiet)
-            if session.failure is not None:
-                raise session.failure
+            if session.failure is not None:  # a law that fails at once never drives
+                raise law_error(planner) or session.failure
         figures = () if car is None else car.bridge.figures()
         is_complete = _write(session, car, figures, horizons, options)
         code = _exit_code(session, car, figures, options)

@@ -1,7 +1,8 @@
 """The drive that a scenario asks for: a point that follows its reference exactly."""
 
+from collections.abc import Callable
 from dataclasses import replace
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import NamedTuple
 
 import numpy as np
@@ -88,9 +89,16 @@ def fix_path(scenario: Scenario) -> Scenario:
     beyond_m = max(drive.speed_mps[-1], 1.0) * scenario.duration_s
     s_m = np.append(drive.s_m, drive.s_m[-1] + beyond_m)
     time_s = np.append(drive.time_s, drive.time_s[-1] + scenario.duration_s)
-    lateral = Lateral(lambda place: over_time.law(np.interp(place, s_m, time_s)))
+    lateral = Lateral(partial(_at_nominal_time, over_time.law, s_m, time_s))
     reference = scenario.reference.model_copy(update={"ey_m": lateral})
     return replace(scenario, reference=reference)
+
+
+def _at_nominal_time(
+    law: Callable[[Array], Array], s_m: Array, time_s: Array, place_m: Array
+) -> Array:
+    """Lateral position at this place: that of the law at the time of the nominal drive."""
+    return law(np.interp(place_m, s_m, time_s))
 
 
 def _at_constant_speed(scenario: Scenario) -> Motion:

@@ -112,6 +112,15 @@ def test_a_law_that_gives_no_input_stops_the_car_and_is_named(found, words):
     assert len(law.seen) == 40
 
 
+def test_a_law_that_fails_at_once_is_named_too():
+    class Never:
+        def control(self, now: Observation) -> ControlInput:
+            raise KeyError("model")
+
+    with pytest.raises(ControlLawError, match="controller Never: .*KeyError: 'model'"):
+        simulate("straight", controller=Never())
+
+
 @pytest.mark.parametrize("name", ["stanley", "bicycle-mpc", "FILE:PurePursuit"])
 def test_a_drive_with_a_law_is_recorded_and_replayed_to_the_bit(tmp_path, own_file, name, capsys):
     name = name.replace("FILE", str(own_file))
