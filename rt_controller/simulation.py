@@ -220,4 +220,6 @@ def drive_in_lockstep(
     plant_failure = virtual.bridge.summary().plant_failure
     if plant_failure is not None:
         raise PlantError(f"The plant failed during the drive: {plant_failure}.")
-    return session.drive().of_scenario(driven_scenario(virtual), virtual.bridge.figures())
+    return session.drive().of_scenario(
+        driven_scenario(virtual), virtual.bridge.figures(), car_error(virtual)
+    )

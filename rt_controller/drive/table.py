@@ -13,7 +13,7 @@ from rt_controller.contract.arrays import Array
 from rt_controller.contract.errors import ConfigError, MissingExtraError, needs_extra, require_type
 from rt_controller.contract.files import atomic_write
 from rt_controller.contract.signals import NEUTRAL_INPUT, VEHICLE, ControlInput, Mode, Signal
-from rt_controller.drive.scenario import CarFigure, DrivenScenario
+from rt_controller.drive.scenario import CarFigure, DrivenScenario, LateralError
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -65,6 +65,8 @@ class Drive:
     """time of that tick since the first one"""
     car_figures: tuple[CarFigure, ...] = ()
     """of a simulated drive: the figures that its scenario names or limits"""
+    car_error: LateralError | None = None
+    """of a simulated drive: the error of the car itself, not as it was sent"""
     at_limit_s: ControlInput = NEUTRAL_INPUT
     """for how long each input was at its upper bound, the steering wheel at either, in s"""
     scenario: DrivenScenario | None = None
@@ -85,6 +87,11 @@ class Drive:
         """Mode of the controller in each tick."""
         return tuple(Mode(round(number)) for number in self["mode"])
 
+    @property
+    def lateral_error(self) -> LateralError:
+        """That of the car itself if it is simulated, otherwise as received."""
+        return self.car_error or LateralError(self.errors.ey_rms_m, self.errors.ey_peak_m)
+
     def __len__(self) -> int:
         return len(self.values)
 
@@ -94,7 +101,7 @@ class Drive:
     def __repr__(self) -> str:
         return (
             f"<Drive of {len(self)} ticks with {self.model}, {self.ending}: "
-            f"lateral error RMS {self.errors.ey_rms_m:.3f} m, peak {self.errors.ey_peak_m:.3f} m>"
+            f"lateral error {self.lateral_error.text}>"
         )
 
     def _repr_html_(self) -> str:
@@ -119,11 +126,18 @@ class Drive:
         values: Array = self.values[:, self.columns.index(column)]
         return values
 
-    def of_scenario(self, scenario: DrivenScenario, car_figures: tuple[CarFigure, ...]) -> "Drive":
+    def of_scenario(
+        self,
+        scenario: DrivenScenario,
+        car_figures: tuple[CarFigure, ...],
+        car_error: LateralError,
+    ) -> "Drive":
         """The drive with its scenario and figures; its arc length begins at the start of it."""
         values = self.values.copy()
         values[:, self.columns.index(PLACE.name)] += scenario.start_s_m
-        return replace(self, values=values, car_figures=car_figures, scenario=scenario)
+        return replace(
+            self, values=values, car_figures=car_figures, car_error=car_error, scenario=scenario
+        )
 
     def to_csv(self, file: Path | str) -> None:
         """Write the table as CSV, one column for each name."""
