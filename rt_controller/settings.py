@@ -85,7 +85,6 @@ class BusSettings(Settings):
         options = {name: cast_from_string(value) for name, value in written.items()}
         return open_bus(self.bus, self.channel, self.bitrate, options, is_fd)
 
-
     def require_openable(self, is_fd: bool = False) -> None:
         """Return if the bus opens here: it is opened and closed, before work that takes longer.
 
