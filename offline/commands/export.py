@@ -183,8 +183,8 @@ def _deliver(
     from offline.evaluation.comparison import library_figures
     from offline.evaluation.model_card import driven_text, stability_text, write_card
     from offline.evaluation.tables import mse_table
-    from offline.files import source_revision
     from rt_controller.bundle_checks.plan_check import with_plans
+    from rt_controller.contract.revision import source_revision
     from rt_controller.model.artifact import save_bundle
     from rt_controller.model.validation import find_objection_to_driving
     from rt_controller.report.table import Fact, print_table

@@ -22,12 +22,13 @@ from pydantic import TypeAdapter, ValidationError
 
 from offline.config import TrainingConfig
 from offline.data.signals import Roles, Scaling
-from offline.files import source_revision, write_json
+from offline.files import write_json
 from offline.model.encoder import MakeEncoder
 from offline.model.network import MdkNet
 from offline.model.observables import sizes_of
 from rt_controller.contract.errors import ArtifactError, ConfigError, OutputError
 from rt_controller.contract.files import atomic_write, read_text, write_text
+from rt_controller.contract.revision import source_revision
 from rt_controller.contract.settings_errors import dotted, explain
 from rt_controller.contract.signals import Schema
 

@@ -37,7 +37,7 @@ _SHORT_LIST = 13
 def new_app(
     name: str, help_text: str, arguments: str = "", groups: Mapping[str, str] | None = None
 ) -> App:
-    """A command with `--help`, `--version` (of the distribution) and `--install-completion`.
+    """A command with `--help`, `--version` (with the git revision) and `--install-completion`.
 
     Args:
         name: of the program.
@@ -51,13 +51,22 @@ def new_app(
         name=name,
         help=help_text,
         help_format="plaintext",
-        version=lambda: version("rt-controller"),
+        version=_version,
         help_flags=("--help", "-h", _HELP_ALL),
     )
     app.help_formatter = _HelpFormatter(groups or {"Main options": ""})
     app.usage = " ".join(["Usage:", name, *arguments.split(), "[OPTIONS]"])
     app.register_install_completion_command()
     return app
+
+
+def _version() -> str:
+    """Version of the distribution, and the git revision if it is known."""
+    from rt_controller.contract.revision import source_revision
+
+    revision = source_revision()
+    known = "" if revision == "unknown" else f" ({revision})"
+    return version("rt-controller") + known
 
 
 def run_command(app: App, arguments: Sequence[str] | None = None) -> None:
