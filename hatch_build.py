@@ -43,7 +43,7 @@ class CompiledCar(BuildHookInterface[Any]):
             self._include_revision(library.parent, build_data)
 
     def _include_revision(self, folder: Path, build_data: dict[str, Any]) -> None:
-        """Put the revision of the checkout into the wheel; `folder` is not under version control."""
+        """Put the revision into the wheel; `folder` is not under version control."""
         contract = Path("rt_controller", "contract")
         module = runpy.run_path(str(Path(self.root) / contract / "revision.py"))
         file = folder / module["REVISION_FILE"]

@@ -39,7 +39,7 @@ def announce(text: str, is_quiet: bool = False) -> AbstractContextManager[object
 
 
 def is_live(console: Console) -> bool:
-    """True if what it shows can be replaced: not in a log, whatever FORCE_COLOR says, or if dumb."""
+    """True if what it shows can be replaced: not in a log, also with FORCE_COLOR, or if dumb."""
     return console.file.isatty() and console.is_interactive
 
 

@@ -24,6 +24,7 @@ def repository(tmp_path):
     room.mkdir(parents=True)
     shutil.copy(Path(revision.__file__), room)
     (room / "__init__.py").touch()
+    (room.parent / "__init__.py").touch()
     (tmp_path / "rt_controller" / "models" / "lti").mkdir(parents=True)
     (tmp_path / "rt_controller" / "models" / "lti" / "card.md").write_text("# a card\n")
     git("init", "-q")
