@@ -6,6 +6,7 @@ Results may be kept in a file of JSON lines: the same command then goes on after
 
 import json
 import os
+import signal
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager, nullcontext
@@ -144,7 +145,9 @@ def run_campaign(
     order = "generator" if in_order else "generator_unordered"
     try:
         with backend.active():
-            for key, result in joblib.Parallel(batch_size=1, return_as=order)(calls):
+            with _ctrl_c_blocked():
+                results_of_workers = joblib.Parallel(batch_size=1, return_as=order)(calls)
+            for key, result in results_of_workers:
                 if file is not None:
                     line = {"made_with_sha256": common, "key": key, "result": result}
                     with file.open("a", encoding="utf-8") as results:
@@ -155,6 +158,19 @@ def run_campaign(
             f"expected workers to finish their tasks, found that one died ({error}). Look for lack "
             f"of memory, and run the command again: what is finished is kept."
         ) from error
+
+
+@contextmanager
+def _ctrl_c_blocked() -> Iterator[None]:
+    """Processes that are started within it never get Ctrl-C; here it acts at the end.
+
+    A terminal sends it to the workers too, which this process ends.
+    """
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _run(function: Callable[..., Any], key: str, arguments: tuple[Any, ...]) -> tuple[str, Any]:
