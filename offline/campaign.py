@@ -7,6 +7,7 @@ Results may be kept in a file of JSON lines: the same command then goes on after
 import json
 import os
 import signal
+import threading
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager, nullcontext
@@ -145,7 +146,7 @@ def run_campaign(
     order = "generator" if in_order else "generator_unordered"
     try:
         with backend.active():
-            with _ctrl_c_blocked():
+            with _ctrl_c_ignored():
                 results_of_workers = joblib.Parallel(batch_size=1, return_as=order)(calls)
             for key, result in results_of_workers:
                 if file is not None:
@@ -161,16 +162,19 @@ def run_campaign(
 
 
 @contextmanager
-def _ctrl_c_blocked() -> Iterator[None]:
-    """Processes that are started within it never get Ctrl-C; here it acts at the end.
+def _ctrl_c_ignored() -> Iterator[None]:
+    """Processes that are started within it ignore Ctrl-C: this one ends them.
 
-    A terminal sends it to the workers too, which this process ends.
+    A terminal sends it to all of them. A blocked signal would do too, but loky unblocks it.
     """
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
         yield
     finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        signal.signal(signal.SIGINT, before)
 
 
 def _run(function: Callable[..., Any], key: str, arguments: tuple[Any, ...]) -> tuple[str, Any]:
