@@ -282,6 +282,7 @@ REFUSED = [
     (evaluate.main, ("--html", "."), "--html"),
     (evaluate.main, ("--html", "no/such/folder/page.html"), "--html"),
     (export.main, ("--json", "no/such/folder.json"), "--json"),
+    (export.main, ("--output", "file/bundle"), "--output file/bundle"),
     (export.main, ("--baseline", "gru"), "--baseline gru"),
     (export.main, ("--name", "lti"), "--name.*'lti'"),
     (export.main, ("--name", "mdk-net"), "--name.*'mdk-net'"),
