@@ -40,6 +40,15 @@ class CompiledCar(BuildHookInterface[Any]):
             build_data["tag"] = f"py3-none-{platform}"
             build_data["pure_python"] = False
             build_data["force_include"][str(library)] = str(library.relative_to(self.root))
+            self._include_revision(library.parent, build_data)
+
+    def _include_revision(self, folder: Path, build_data: dict[str, Any]) -> None:
+        """Put the revision into the wheel; `folder` is not under version control."""
+        contract = Path("rt_controller", "contract")
+        module = runpy.run_path(str(Path(self.root) / contract / "revision.py"))
+        file = folder / module["REVISION_FILE"]
+        file.write_text(module["source_revision"](), "ascii")
+        build_data["force_include"][str(file)] = str(contract / file.name)
 
     def _compiler(self) -> dict[str, Any]:
         """The names of the module, which cannot be imported before the package is installed."""

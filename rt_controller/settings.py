@@ -85,6 +85,19 @@ class BusSettings(Settings):
         options = {name: cast_from_string(value) for name, value in written.items()}
         return open_bus(self.bus, self.channel, self.bitrate, options, is_fd)
 
+    def require_openable(self, is_fd: bool = False) -> None:
+        """Return if the bus opens here: it is opened and closed, before work that takes longer.
+
+        Raises:
+            ConfigError, MissingExtraError, BusError: as `open_bus`.
+        """
+        from rt_controller.bus.transport import close_bus
+
+        # An adapter on a serial port gets two seconds to start where it is used.
+        quick = {"sleep_after_open": "0"} if self.bus == "slcan" else {}
+        tried = self.model_copy(update={"bus_option": {**(self.bus_option or {}), **quick}})
+        close_bus(tried.open_bus(is_fd))
+
 
 class CarSettings(Settings):
     """The car at the other end of the bus and its manoeuvre."""

@@ -103,7 +103,7 @@ def finished_drive(
     """The drive of a session with the car, its scenario and true poses."""
     poses = car.bridge.poses_at(session.record.trace.times_ns)
     return session.drive().of_scenario(
-        driven_scenario(car), car.bridge.figures(), poses, tuple(horizons)
+        driven_scenario(car), car.bridge.figures(), car_error(car), poses, tuple(horizons)
     )
 
 

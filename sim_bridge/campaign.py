@@ -6,6 +6,8 @@ Results may be kept in a file of JSON lines: the same command then goes on after
 
 import json
 import os
+import signal
+import threading
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager, nullcontext
@@ -144,7 +146,9 @@ def run_campaign(
     order = "generator" if in_order else "generator_unordered"
     try:
         with backend.active():
-            for key, result in joblib.Parallel(batch_size=1, return_as=order)(calls):
+            with _ctrl_c_ignored():
+                results_of_workers = joblib.Parallel(batch_size=1, return_as=order)(calls)
+            for key, result in results_of_workers:
                 if file is not None:
                     line = {"made_with_sha256": common, "key": key, "result": result}
                     with file.open("a", encoding="utf-8") as results:
@@ -155,6 +159,22 @@ def run_campaign(
             f"expected workers to finish their tasks, found that one died ({error}). Look for lack "
             f"of memory, and run the command again: what is finished is kept."
         ) from error
+
+
+@contextmanager
+def _ctrl_c_ignored() -> Iterator[None]:
+    """Processes that are started within it ignore Ctrl-C: this one ends them.
+
+    A terminal sends it to all of them. A blocked signal would do too, but loky unblocks it.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 def _run(function: Callable[..., Any], key: str, arguments: tuple[Any, ...]) -> tuple[str, Any]:

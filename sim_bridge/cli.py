@@ -81,7 +81,6 @@ class BridgeOptions(CarSettings, BusSettings):
 def run(*, options: Annotated[BridgeOptions, Parameter(name="*")]) -> int:
     """Wait for a controller, simulate the scenario, brake if the controller stops sending."""
     from rt_controller.bus.log.recorder import Recorder, require_recordable
-    from rt_controller.bus.transport import require_interface
     from rt_controller.realtime.scheduling import real_time_process
     from sim_bridge.scenario_checks import notes
     from sim_bridge.session import open_session
@@ -92,9 +91,9 @@ def run(*, options: Annotated[BridgeOptions, Parameter(name="*")]) -> int:
             "in this process. Use --bus local for both programs, or rt-controller --bus virtual "
             "alone, which simulates the car itself."
         )
-    require_interface(options.bus)
     require_writable(options.json_file)
     require_recordable(options.record, options.overwrite)
+    options.require_openable()
     with ExitStack() as signals:
         with ExitStack() as opened:
             # First: the threads that a bus or a log starts inherit the settings of the process.

@@ -88,15 +88,26 @@ def _update_documents(root: Path, results: Results, check: bool, console: Consol
     complete = results.found.keys() - set(outdated)
     for name in [name for name in pieces if name not in complete]:
         console.print(f"{name}: no results of the shipped models, its tables stay as they are")
-    texts, is_changed = blocks(results.pieces, complete), False
-    for file in (root / "README.md", *sorted((root / "docs").rglob("*.md"))):
+    texts, is_changed, tables = blocks(results.pieces, complete), False, 0
+    files = (root / "README.md", *sorted((root / "docs").rglob("*.md")))
+    for file in files:
         before = file.read_text(encoding="utf-8")
         after = replace_blocks(before, texts, str(file))
+        tables += len(_BLOCK.findall(before))
         if before != after:
             is_changed = True
             console.print(f"{file}: {'differs from the results' if check else 'written'}")
             if not check:
                 file.write_text(after, encoding="utf-8")
+    for name in outdated:
+        console.print(f"{name}: outdated, not of the shipped models")
+    if check:
+        state = "differences as listed" if is_changed or outdated else "all up to date"
+        console.print(
+            f"checked {tables} tables in {len(files)} files, of {len(pieces[MEASURED])} drives: "
+            f"{state}",
+            highlight=False,
+        )
     return EXIT_DIFFERENT if check and (is_changed or outdated) else 0
 
 

@@ -162,8 +162,8 @@ def run_evaluation(
     from offline.evaluation.held_out import choose_test_data
     from offline.evaluation.series import make_series
     from offline.evaluation.test_sets import choose_levels, choose_sets
-    from offline.files import source_revision
     from offline.model.bundle_predictor import BundlePredictor
+    from rt_controller.contract.revision import source_revision
     from rt_controller.model.artifact import find_model, load_bundle
 
     revision = source_revision()

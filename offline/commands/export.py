@@ -1,5 +1,6 @@
 """`offline-export`: check a model, compare it with baselines, write the bundle."""
 
+import os
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
@@ -50,6 +51,7 @@ def export(
             and refuse one that does not hold or predict it; off: export any model
     """
     is_tried = model_trial == "auto"
+    _require_folder(output)
     if bundle is not None:
         if baseline is not None or data is not None or run != LATEST_RUN:
             raise ConfigError(
@@ -67,6 +69,18 @@ def export(
         else:
             figures = export_run(run, output, data, is_tried, name)
     write_figures(json_file, figures)
+
+
+def _require_folder(output: Path | None) -> None:
+    """Return if a folder of that name can be made, before the work."""
+    if output is None:
+        return
+    nearest = next(each for each in (output, *output.absolute().parents) if each.exists())
+    if not nearest.is_dir() or not os.access(nearest, os.W_OK | os.X_OK):
+        raise ConfigError(
+            f"--output {output}: expected a folder that can be made, found {nearest}, which is no "
+            f"folder or closed to writing. Name another one."
+        )
 
 
 def _require_own_name(name: str | None) -> None:
@@ -90,10 +104,12 @@ def export_run(
     """Figures of the best model of a run, after it was exported."""
     from offline.data.dataset import load_dataset
     from offline.training.export import export_checkpoint
-    from offline.training.run import load_checkpoint, open_run
+    from offline.training.run import load_checkpoint, open_run, training_lock
     from rt_controller.report.table import Fact
 
     run = open_run(path)
+    with training_lock(run):  # only to see that no training is running
+        pass
     checkpoint = load_checkpoint(run.best)
     data = data or run.data_folder
     dataset = load_dataset(data)
@@ -183,8 +199,8 @@ def _deliver(
     from offline.evaluation.comparison import library_figures
     from offline.evaluation.model_card import driven_text, stability_text, write_card
     from offline.evaluation.tables import mse_table
-    from offline.files import source_revision
     from rt_controller.bundle_checks.plan_check import with_plans
+    from rt_controller.contract.revision import source_revision
     from rt_controller.model.artifact import save_bundle
     from rt_controller.model.validation import find_objection_to_driving
     from rt_controller.report.table import Fact, print_table

@@ -11,6 +11,8 @@ from typing import Any
 
 from rich.console import Console
 
+from rt_controller.terminal.progress import is_live
+
 STDOUT = Console()
 STDERR = Console(stderr=True)
 LINE_EVERY_S = 5.0
@@ -33,7 +35,7 @@ def progress_bar(title: str, total: int, done: int = 0) -> Iterator[Callable[[in
 
     In a pipe or a file it is a line every few seconds.
     """
-    if not STDERR.is_terminal:
+    if not is_live(STDERR):
         yield _plain_progress(title, total, done)
         return
     from rich import progress

@@ -153,12 +153,14 @@ def _run(
 ) -> tuple[dict[str, Any], int]:
     """Figures, and the exit code: 0 at the last step, 130 if stopped before."""
     from offline.data.manifest import Imported
+    from offline.training.run import training_lock
     from offline.training.train import train as run_algorithm
 
     STDERR.print(f"run {run.path}\ndata {run.data_folder}", soft_wrap=True)
     first_step = checkpoint.step if checkpoint else 0
     begun, shown_s = time.monotonic(), 0.0
     with (
+        training_lock(run),
         progress_bar("training", run.config.steps, first_step) as show,
         stop_on_signals() as stop_requested,
     ):

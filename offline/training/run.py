@@ -6,11 +6,13 @@ best.pt        checkpoint of the model to export
 last.pt        checkpoint to resume from
 """
 
+import fcntl
 import json
 import os
 import pickle
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass, fields, replace
 from datetime import datetime
 from importlib.metadata import version
@@ -22,12 +24,13 @@ from pydantic import TypeAdapter, ValidationError
 
 from offline.config import TrainingConfig
 from offline.data.signals import Roles, Scaling
-from offline.files import source_revision, write_json
+from offline.files import write_json
 from offline.model.encoder import MakeEncoder
 from offline.model.network import MdkNet
 from offline.model.observables import sizes_of
 from rt_controller.contract.errors import ArtifactError, ConfigError, OutputError
 from rt_controller.contract.files import atomic_write, read_text, write_text
+from rt_controller.contract.revision import source_revision
 from rt_controller.contract.settings_errors import dotted, explain
 from rt_controller.contract.signals import Schema
 
@@ -119,6 +122,26 @@ def open_run(path: Path) -> RunFolder:
             f"something else ({reason}). Use the version that the file names as revision, or train "
             f"again with offline-train."
         ) from error
+
+
+@contextmanager
+def training_lock(run: RunFolder) -> Iterator[None]:
+    """Within it this process trains the run; the lock is on the folder and leaves no file.
+
+    Raises:
+        ConfigError: another process trains it.
+    """
+    descriptor = os.open(run.path, os.O_RDONLY | os.O_CLOEXEC)
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        yield
+    except BlockingIOError as error:
+        raise ConfigError(
+            f"{run.path}: expected a run that no process trains, found that a training is running "
+            f"in it. Wait for its end, or end it with Ctrl-C, which keeps the best model so far."
+        ) from error
+    finally:
+        os.close(descriptor)
 
 
 def rewrite_config(run: RunFolder, config: TrainingConfig) -> RunFolder:

@@ -5,10 +5,12 @@ settings count.
 """
 
 import errno
+import logging
 import socket
 import struct
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager, nullcontext
+from contextlib import contextmanager, nullcontext, suppress
+from importlib import import_module
 from threading import Thread
 from typing import Any
 
@@ -116,6 +118,7 @@ def open_bus(
                 f"bitrate {bitrate})."
             )
         settings["bitrate"] = bitrate
+    _import_quietly(interface)
     try:
         if interface == "slcan":
             from rt_controller.bus.slcan import BoundedSlcanBus  # needs the package serial
@@ -131,6 +134,21 @@ def open_bus(
         # A server that has stopped in the middle of a frame must not delay the loop.
         bus.socket.settimeout(REMOTE_TIMEOUT_S)  # type: ignore[attr-defined]
     return bus
+
+
+def _import_quietly(interface: str) -> None:
+    """Import the interface without what it logs meanwhile: packages that it may do without.
+
+    One that it needs is named where the bus is opened, and so is an import that fails. What is
+    logged later stays visible.
+    """
+    before = logging.root.manager.disable
+    logging.disable(logging.CRITICAL)
+    try:
+        with suppress(Exception):  # `can.Bus` raises it again
+            import_module(can.interfaces.BACKENDS[interface][0])
+    finally:
+        logging.disable(before)
 
 
 @contextmanager

@@ -6,6 +6,8 @@ from difflib import get_close_matches
 
 MODEL_FOLDER = "a folder that offline-export wrote"
 """what a model may be that is not a shipped one"""
+NEAR = 0.75
+"""least share of letters that two names have in common, for one to be a misspelling of the other"""
 _ROADS_OF_MAP = re.compile(r"(.*\.xodr)#(?!.*\.(?:toml|xodr)$)([^/\\]*)", re.I | re.S)
 
 
@@ -18,16 +20,21 @@ def split_roads(name: str) -> tuple[str, str]:
     return (found[1], found[2]) if found else (name, "")
 
 
+def near_names(found: str, names: Collection[str], most: int = 1) -> list[str]:
+    """Those of the names that `found` may be a misspelling of, the nearest first."""
+    lowered = {name.lower(): name for name in names}
+    return [lowered[name] for name in get_close_matches(found.lower(), lowered, most, NEAR)]
+
+
 def hint(found: str, names: Collection[str]) -> str:
     """ " (did you mean NAME?)" with the name most similar to `found`; empty if none is."""
-    near = get_close_matches(found, names, n=1)
+    near = near_names(found, names)
     return f" (did you mean {near[0]}?)" if near else ""
 
 
 def columns_of(holder: str, wanted: str, available: Sequence[str]) -> str:
     """What has to follow "found none of that name": similar columns, and those that there are."""
-    lowered = {name.lower(): name for name in available}
-    near = [lowered[name] for name in get_close_matches(wanted.lower(), lowered, n=3, cutoff=0.5)]
+    near = near_names(wanted, available, most=3)
     similar = f"Did you mean {' or '.join(near)}? " if near else ""
     more = ", …" * (len(available) > 40)
     return f"{similar}The {holder} has: {', '.join(available[:40])}{more}."

@@ -6,7 +6,7 @@ from itertools import filterfalse, islice
 from types import NoneType, UnionType
 from typing import Any, Union, get_args, get_origin
 
-from rt_controller.contract.names import hint
+from rt_controller.contract.names import hint, near_names
 
 Location = tuple[str | int, ...]
 """path of a field inside the settings: ("mpc", "tolerance", "ey_m")"""
@@ -32,6 +32,7 @@ _EXPECTED = {
     "model_attributes_type": "a table",
     **dict.fromkeys(("list_type", "tuple_type"), "a list"),
 }
+_UNKNOWN = ("extra_forbidden", "unexpected_keyword_argument")
 _LISTED_CHARACTERS, _TEXT_CHARACTERS = 60, 400
 """of a value that was found, and of one that is a text: a long path is shown whole"""
 _FIELD_FIRST = re.compile(r"[a-z_0-9]+(\[\d+\]\.[a-z_]+)?: expected")
@@ -56,6 +57,16 @@ def explain(refused: Any, name_of: Callable[[Location], str], table: Any = None)
         place, known_here = _locate(tuple(error["loc"]), table)
         errors.setdefault(place, []).append(error)
         known[place] = known_here
+    misspelt = {
+        (*place[:-1], *near_names(str(place[-1]), known[place]))
+        for place, found in errors.items()
+        if found[0]["type"] in _UNKNOWN
+    }
+    errors = {
+        place: found
+        for place, found in errors.items()
+        if found[0]["type"] != "missing" or place not in misspelt
+    }
     lines = [
         line
         for place in islice(errors, LISTED_ERRORS)
@@ -132,7 +143,7 @@ def _explain_field(errors: Sequence[Mapping[str, Any]], name: str, known: list[s
     # What is wrong with a value of the right type says more than the types themselves.
     error = errors[texts.index(None) if None in texts else 0]
     kind = error["type"]
-    if kind in ("extra_forbidden", "unexpected_keyword_argument"):
+    if kind in _UNKNOWN:
         near = hint(str(error["loc"][-1]), known)
         listed = f" Known: {', '.join(known)}." if known and not near else ""
         return f"{name}: no such setting{near}.{listed}"

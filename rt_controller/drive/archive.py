@@ -14,6 +14,7 @@ from rt_controller.drive.scenario import (
     ConeAt,
     DrivenScenario,
     LaneAt,
+    LateralError,
     Outline,
     RoadLine,
 )
@@ -31,7 +32,12 @@ def pack_drive(drive: Drive) -> bytes:
     if drive.true_poses is not None:
         arrays["true_poses"] = drive.true_poses
     rest: dict[str, Any] = {name: getattr(drive, name) for name in _TEXTS}
-    rest |= {"format": FORMAT, "columns": _COLUMN_NAMES, "errors": drive.errors}
+    rest |= {
+        "format": FORMAT,
+        "columns": _COLUMN_NAMES,
+        "errors": drive.errors,
+        "car_error": drive.car_error,
+    }
     rest |= {"car_figures": drive.car_figures, "at_limit_s": drive.at_limit_s}
     if drive.scenario is not None:
         road = drive.scenario.road
@@ -60,6 +66,7 @@ def unpack_drive(data: bytes, source: str) -> Drive:
                 values=arrays["values"],
                 true_poses=arrays.get("true_poses"),
                 errors=TrackingErrors(*rest["errors"]),
+                car_error=None if rest["car_error"] is None else LateralError(*rest["car_error"]),
                 car_figures=tuple(CarFigure(*each) for each in rest["car_figures"]),
                 at_limit_s=ControlInput(*rest["at_limit_s"]),
                 scenario=None if scenario is None else _scenario(scenario, road),

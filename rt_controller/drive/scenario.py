@@ -61,10 +61,15 @@ class DrivenScenario(NamedTuple):
 
 
 class LateralError(NamedTuple):
-    """Distance of the simulated car from its path, as it is, not as it was sent."""
+    """Lateral position of the car minus that of its path."""
 
     rms_m: float
     peak_m: float
+
+    @property
+    def text(self) -> str:
+        """Both for people."""
+        return f"RMS {self.rms_m:.3f} m, peak {self.peak_m:.3f} m"
 
 
 class CarFigure(NamedTuple):

@@ -13,7 +13,7 @@ from rt_controller.contract.arrays import Array
 from rt_controller.contract.errors import ConfigError, MissingExtraError, needs_extra, require_type
 from rt_controller.contract.files import atomic_write
 from rt_controller.contract.signals import NEUTRAL_INPUT, VEHICLE, ControlInput, Mode, Signal
-from rt_controller.drive.scenario import CarFigure, DrivenScenario, Outline
+from rt_controller.drive.scenario import CarFigure, DrivenScenario, LateralError, Outline
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -74,6 +74,8 @@ class Drive:
     """time of that tick since the first one"""
     car_figures: tuple[CarFigure, ...] = ()
     """of a simulated drive: the figures that its scenario names or limits"""
+    car_error: LateralError | None = None
+    """of a simulated drive: the error of the car itself, not as it was sent"""
     at_limit_s: ControlInput = NEUTRAL_INPUT
     """for how long each input was at its upper bound, the steering wheel at either, in s"""
     scenario: DrivenScenario | None = None
@@ -110,6 +112,11 @@ class Drive:
         """Mode of the controller in each tick."""
         return tuple(Mode(round(number)) for number in self["mode"])
 
+    @property
+    def lateral_error(self) -> LateralError:
+        """That of the car itself if it is simulated, otherwise as received."""
+        return self.car_error or LateralError(self.errors.ey_rms_m, self.errors.ey_peak_m)
+
     def __len__(self) -> int:
         return len(self.values)
 
@@ -119,7 +126,7 @@ class Drive:
     def __repr__(self) -> str:
         return (
             f"<Drive of {len(self)} ticks with {self.model}, {self.ending}: "
-            f"lateral error RMS {self.errors.ey_rms_m:.3f} m, peak {self.errors.ey_peak_m:.3f} m>"
+            f"lateral error {self.lateral_error.text}>"
         )
 
     def _repr_html_(self) -> str:
@@ -148,6 +155,7 @@ class Drive:
         self,
         scenario: DrivenScenario,
         car_figures: tuple[CarFigure, ...],
+        car_error: LateralError,
         true_poses: Array,
         horizons: tuple[PredictedPath, ...] = (),
     ) -> "Drive":
@@ -166,6 +174,7 @@ class Drive:
             self,
             values=values,
             car_figures=car_figures,
+            car_error=car_error,
             scenario=scenario,
             true_poses=true_poses,
             horizons=placed,

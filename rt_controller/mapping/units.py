@@ -9,11 +9,11 @@ acceleration of gravity.
 """
 
 import re
-from difflib import get_close_matches
 from math import pi
 from typing import NamedTuple
 
 from rt_controller.contract.errors import ConfigError
+from rt_controller.contract.names import near_names
 
 _DEG, _INCH, _LBF = pi / 180.0, 0.0254, 4.4482216152605
 _FACTORS: dict[str, dict[str, float]] = {
@@ -169,7 +169,7 @@ def near_units(text: str, si: str | None = None) -> str:
     With `si` only those that are converted to it are listed.
     """
     spellings = [spelling for spelling in (*_ALLOWED, *_SPELLINGS) if spelling]
-    near = get_close_matches(text, spellings, n=3, cutoff=0.5)
+    near = near_names(text, spellings, most=3)
     allowed = [name for name, unit in _ALLOWED.items() if si is None or unit.si == si]
     listed = f"the allowed units are {', '.join(allowed)}"
     return f"did you mean {' or '.join(near)}? T{listed[1:]}" if near else listed

@@ -89,8 +89,7 @@ def draw_drive(drive: Drive, file: Path | None = None) -> "Figure":
     speed.set_xlabel("time / s")
     name = "" if drive.scenario is None else f"{drive.scenario.name}, "
     figure.suptitle(
-        f"{name}{drive.model}: {drive.ending}; lateral error RMS {drive.errors.ey_rms_m:.3f} m, "
-        f"peak {drive.errors.ey_peak_m:.3f} m",
+        f"{name}{drive.model}: {drive.ending}; lateral error {drive.lateral_error.text}",
         x=0.01, ha="left", fontsize="medium",
     )  # fmt: skip
     if file is not None and file.suffix.lower() == MOVING:

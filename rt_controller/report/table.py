@@ -168,7 +168,9 @@ def to_rich(table: Table) -> RichTable:
             Text("\n".join(filter(None, (column.title, column.unit)))),
             justify="left" if column.is_text else "right",
             no_wrap=not column.is_text,
-            min_width=min(width, 20) if column.is_text else width,
+            min_width=max(min(width, 20), *map(len, " ".join(texts).split(" ")))
+            if column.is_text
+            else width,
             overflow="fold",
         )
     for row in table.rows:

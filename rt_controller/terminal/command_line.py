@@ -11,11 +11,18 @@ from functools import partial
 from importlib.metadata import version
 from typing import TYPE_CHECKING, Any, TextIO
 
-from cyclopts import App, CycloptsError, MissingArgumentError, UnusedCliTokensError
+from cyclopts import (
+    App,
+    CycloptsError,
+    MissingArgumentError,
+    UnknownOptionError,
+    UnusedCliTokensError,
+)
 from rich.console import Console, ConsoleOptions
 from rich.text import Text
 
 from rt_controller.contract.errors import ConfigError, OutputError, RtControllerError
+from rt_controller.contract.names import hint
 from rt_controller.contract.settings_errors import Location, dotted, explain, option, with_options
 from rt_controller.terminal.entry import INTERRUPTED, SENTENCE
 
@@ -30,7 +37,7 @@ _SHORT_LIST = 13
 def new_app(
     name: str, help_text: str, arguments: str = "", groups: Mapping[str, str] | None = None
 ) -> App:
-    """A command with `--help`, `--version` (of the distribution) and `--install-completion`.
+    """A command with `--help`, `--version` (with the git revision) and `--install-completion`.
 
     Args:
         name: of the program.
@@ -44,13 +51,22 @@ def new_app(
         name=name,
         help=help_text,
         help_format="plaintext",
-        version=lambda: version("rt-controller"),
+        version=_version,
         help_flags=("--help", "-h", _HELP_ALL),
     )
     app.help_formatter = _HelpFormatter(groups or {"Main options": ""})
     app.usage = " ".join(["Usage:", name, *arguments.split(), "[OPTIONS]"])
     app.register_install_completion_command()
     return app
+
+
+def _version() -> str:
+    """Version of the distribution, and the git revision if it is known."""
+    from rt_controller.contract.revision import source_revision
+
+    revision = source_revision()
+    known = "" if revision == "unknown" else f" ({revision})"
+    return version("rt-controller") + known
 
 
 def run_command(app: App, arguments: Sequence[str] | None = None) -> None:
@@ -138,11 +154,23 @@ def _call(app: App, arguments: Sequence[str]) -> int:
             arguments, exit_on_error=False, print_error=False, result_action="return_value"
         )
     except CycloptsError as error:
-        raise ConfigError(_explain_usage(error)) from error
+        raise ConfigError(_explain_usage(error, app, arguments)) from error
     return code if isinstance(code, int) else 0
 
 
-def _explain_usage(error: CycloptsError) -> str:
+def _stray_word(error: CycloptsError, app: App, arguments: Sequence[str]) -> str:
+    """The first word that belongs to no option and that the command does not take; else empty."""
+    if isinstance(error, UnusedCliTokensError):
+        return next(iter(error.unused_tokens or ()), "")
+    *_, command = app.parse_commands(arguments)[1]
+    words = app.parse_commands(arguments)[2]
+    if not words or words[0].startswith("-") or command.default_command is None:
+        return ""
+    taken = command.assemble_argument_collection()
+    return "" if any(each.index is not None for each in taken) else words[0]
+
+
+def _explain_usage(error: CycloptsError, app: App, arguments: Sequence[str]) -> str:
     refused = error.__cause__
     if refused is not None and hasattr(refused, "errors"):
         written = "" if error.argument is None else error.argument.name
@@ -153,13 +181,17 @@ def _explain_usage(error: CycloptsError) -> str:
             return option(place) if is_field else written + dotted(place)
 
         return explain(refused, name_of)
+    names = [*_options_of(app, arguments), *(name for name in app if name[0] != "-")]
+    if word := _stray_word(error, app, arguments):
+        near = hint(word, names) or hint(f"--{word}", names)
+        return f"{word!r} is neither an option nor a command{near}. --help lists what there is."
+    if isinstance(error, UnknownOptionError) and error.token.source == "cli":
+        written = error.token.keyword or error.token.value
+        return f"{written}: no such option{hint(written, names)}. --help lists what there is."
     if isinstance(error, MissingArgumentError) and error.argument is not None:
         choices = error.argument.get_choices()
         such_as = f", such as {', '.join(choices)}" if choices else ""
         return f"{error.argument.name}: expected a value{such_as}, found none."
-    if isinstance(error, UnusedCliTokensError):
-        values = " ".join(error.unused_tokens or ())
-        return f"expected an option before {values!r}, found none. --help lists the options."
     return " ".join(str(error).split())
 
 

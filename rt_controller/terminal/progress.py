@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Callable
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, nullcontext
 from threading import Thread
 from typing import NamedTuple
 
@@ -32,9 +32,15 @@ class Line(NamedTuple):
 def announce(text: str, is_quiet: bool = False) -> AbstractContextManager[object]:
     """Show what the commands in this context do: while they do it, or as a line in a log."""
     stderr = Console(stderr=True, quiet=is_quiet)
-    if not stderr.is_terminal:
-        show(text, is_quiet)
-    return stderr.status(text)
+    if is_live(stderr):
+        return stderr.status(text)
+    show(text, is_quiet)
+    return nullcontext()
+
+
+def is_live(console: Console) -> bool:
+    """True if what it shows can be replaced: not in a log, also with FORCE_COLOR, or if dumb."""
+    return console.file.isatty() and console.is_interactive
 
 
 def show(text: str, is_quiet: bool = False) -> None:
@@ -63,7 +69,7 @@ def watch(thread: Thread, line: Callable[[], Line], is_quiet: bool) -> None:
     `line` is shown every half a second on a terminal; in a log when its first part has changed, at
     the end, and every ten seconds if it has figures.
     """
-    is_terminal = Console(stderr=True).is_terminal
+    is_terminal = is_live(Console(stderr=True))
     shown, next_s, is_over = Line("", ""), 0.0, False
     while not is_over:
         thread.join(LIVE_INTERVAL_S)

@@ -9,7 +9,6 @@ from rich.console import Console
 
 from rt_controller.bus.log.recorder import require_recordable
 from rt_controller.bus.messages import STATE
-from rt_controller.bus.transport import require_interface
 from rt_controller.contract.errors import BusError, OutputError, PlantError, RtControllerError
 from rt_controller.contract.figures import require_writable, write_figures
 from rt_controller.controllers import law_error
@@ -46,6 +45,7 @@ from rt_controller.terminal.stop_message import (
     VEHICLE_KNOWS,
     begin_of_stop,
     explain_braking,
+    explain_busy,
     explain_stop,
     failed_checks,
 )
@@ -77,7 +77,6 @@ EXIT_SAFE_STOP = 6
 def run_at_terminal(options: "RunOptions") -> int:
     """Drive one mission and print its summary; the exit code of the program."""
     options.require_consistent()
-    require_interface(options.bus)
     require_writable(options.json_file)
     require_writable(options.ticks, "--ticks")
     if options.plot is not None:
@@ -86,6 +85,7 @@ def run_at_terminal(options: "RunOptions") -> int:
 
         require_figure_file(options.plot)
     require_recordable(options.record, options.overwrite)
+    options.require_openable()
     scenario = named_scenario(options) if options.is_virtual else None
     with announce("loading the model, assembling the QP", options.quiet):
         folder = find_model(options.model)
@@ -206,6 +206,7 @@ def _exit_code(
     """0, or the code of what went wrong, printed with its cause first."""
     record, deadlines = session.record, session.record.deadlines
     late = f"{why_late(deadlines)}; " if deadlines.deadline_misses else ""
+    allowed_misses = _allowed_misses(options, deadlines.ticks)
     if record.ending is Ending.ENDED_AT_ONCE:
         print_error(PROGRAM, explain_end_at_once(record.result.estimate.speed_mps))
         return INTERRUPTED
@@ -214,23 +215,27 @@ def _exit_code(
         return EXIT_SAFE_STOP
     cause, bus_fault = record.result.cause, record.result.bus_fault
     braking = _vehicle_braking(session, car)
+    faults = () if car is None else car.bridge.faults_so_far()
+    busy = ""
+    if options.is_virtual and not options.is_lockstep and not faults:
+        busy = explain_busy(record, allowed_misses, bool(braking))
     if record.ending is Ending.SAFE_STOPPED or bus_fault in BUS_CAUSES:
-        faults = () if car is None else car.bridge.faults_so_far()
         failed = failed_checks(session)
-        stop = law_error(session.planner) or explain_stop(
-            cause, session.inbox, faults, bus_fault, failed, braking
-        )
-        print_error(PROGRAM, f"{late}{begin_of_stop(session)}: {stop}")
+        failure = law_error(session.planner)
+        stop = explain_stop(cause, session.inbox, faults, bus_fault, failed, braking)
+        text = busy or f"{late}{begin_of_stop(session)}: {stop}"
+        print_error(PROGRAM, text if failure is None else str(failure))
         is_bus = {cause, bus_fault} & {*BUS_CAUSES, *RECOVERABLE_BUS_CAUSES}
         return BusError.exit_code if is_bus else EXIT_SAFE_STOP
     if braking:
-        print_error(PROGRAM, f"{late}{record.ending.value}; {explain_braking(braking)}")
+        print_error(PROGRAM, busy or f"{late}{record.ending.value}; {explain_braking(braking)}")
         return EXIT_SAFE_STOP
-    if deadlines.deadline_misses > _allowed_misses(options, deadlines.ticks):
+    if deadlines.deadline_misses > allowed_misses:
         print_error(
             PROGRAM,
-            f"{late}scheduled under {session.guarantees.scheduler}. docs/realtime.md says what to "
-            f"grant the loop; --max-misses sets how many are allowed.",
+            busy
+            or f"{late}scheduled under {session.guarantees.scheduler}. docs/realtime.md says what "
+            f"to grant the loop; --max-misses sets how many are allowed.",
         )
         return EXIT_DEADLINE
     missed = limits_missed(figures) if record.ending is Ending.MISSION_OVER else ()

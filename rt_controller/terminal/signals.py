@@ -54,6 +54,8 @@ def check_at_terminal(
             + ". Name a CAN log (.blf, .asc, .log, .trc), or the bus to listen to."
         )
     car = _read_car(file)
+    if bus is not None:
+        bus.require_openable(car.database.is_fd)
     require_sendable(car, choose_car(car, load_bundle(find_model(None))))
     pauses_s: list[float] = []
     channel: int | str | None = None  # of a log
@@ -88,6 +90,8 @@ def gateway_at_terminal(
     """Translate until Ctrl-C."""
     require_writable(json_file)
     car = _read_car(file)
+    car_bus.require_openable(car.database.is_fd)
+    bus.require_openable()
     bundle = load_bundle(find_model(model))
     lateral_speed, description = choose_lateral_speed(car, bundle), choose_car(car, bundle)
     require_sendable(car, description)

@@ -5,7 +5,8 @@ from typing import Any, NamedTuple
 
 from rt_controller.bus.messages import REFERENCE, STATE, Message
 from rt_controller.bus.receive import Inbox
-from rt_controller.contract.faults import StopCause
+from rt_controller.contract.faults import Fault, StopCause
+from rt_controller.loop import Ending, RunRecord
 from rt_controller.safety.checks import Check
 from rt_controller.session import ControllerSession
 
@@ -70,6 +71,28 @@ def explain_braking(braking: str) -> str:
     """That the vehicle brakes by itself, and why."""
     separator = ". " if braking == VEHICLE_KNOWS else ": "
     return f"the vehicle then braked by itself{separator}{braking}"
+
+
+def explain_busy(record: RunRecord, allowed_ticks: int, is_braking: bool) -> str:
+    """That this machine had no time for a drive in real time, and how the drive ended.
+
+    Empty if no more than so many ticks were late, left out, or without a new state: the simulated
+    car may be late too. `is_braking`: the vehicle brakes by itself.
+    """
+    deadlines, without = record.deadlines, record.ticks_by_fault[Fault.STATE_STALE]
+    late = deadlines.deadline_misses + deadlines.skipped_ticks
+    if late + without <= allowed_ticks:
+        return ""
+    end = ""
+    if record.ending is Ending.SAFE_STOPPED:
+        end = f", so the car was stopped at {record.stop_s or 0.0:.1f} s"
+    elif is_braking:
+        end = ", so the vehicle braked by itself"
+    return (
+        f"this machine was too busy to drive in real time ({late} of {deadlines.ticks} control "
+        f"steps late or left out, {without} without a new state){end}; --pace lockstep drives "
+        f"independently of the machine."
+    )
 
 
 def explain_stop(

@@ -28,7 +28,9 @@ if TYPE_CHECKING:
     from rt_controller.terminal.options import RunOptions
 
 AS_RECEIVED = ", as received"
-"""of errors with states that a check refused"""
+"""of errors with states that a check refused, or that differ from those of the car"""
+LARGEST_DIFFERENCE_M = 0.01
+"""of the received lateral error and that of the simulated car, from resolution and delay"""
 STOPPING = "stopping: braking to rest; press Ctrl-C twice more to end at once"
 STILL_STOPPING = "stopping: braking to rest; press Ctrl-C once more to end at once"
 NOT_ENGAGED = (
@@ -110,8 +112,7 @@ def verdict(session: ControllerSession, car: LateralError | None = None, braking
     errors = record.trace.errors()
     if not any(errors):
         return f"The car was not driven: {record.ending.value}."
-    is_true = car is not None and has_rejected_states(record)
-    peak_m = car.peak_m if car is not None and is_true else errors.ey_peak_m
+    peak_m = errors.ey_peak_m if car is None else car.peak_m
     within = f"{peak_m:.1f} m" if peak_m >= 1.0 else f"{max(ceil(100 * peak_m), 1)} cm"
     was = "step was" if deadlines.deadline_misses == 1 else "steps were"
     late = f"{deadlines.deadline_misses} {was} late"
@@ -171,11 +172,11 @@ def to_table(
     dropped = counts.crc_errors + counts.repeated + counts.out_of_range
     is_rejected = has_rejected_states(record)
     received = AS_RECEIVED if is_rejected else ""
-    facts = {
-        f"lateral error{received}": f"RMS {e.ey_rms_m:.3f} m, peak {e.ey_peak_m:.3f} m",
-        "true lateral error": f"RMS {car.rms_m:.3f} m, peak {car.peak_m:.3f} m"
-        if is_rejected and car is not None
-        else "",
+    told = LateralError(e.ey_rms_m, e.ey_peak_m)
+    facts = {} if car is None else {"lateral error": car.text}
+    if car is None or is_rejected or _is_far(car, told):
+        facts[f"lateral error{received if car is None else AS_RECEIVED}"] = told.text
+    facts |= {
         f"heading error{received}": f"RMS {degrees(e.epsi_rms_rad):.2f} deg, "
         f"peak {degrees(e.epsi_peak_rad):.2f} deg",
         f"speed error{received}": f"RMS {e.vx_rms_mps:.3f} m/s, peak {e.vx_peak_mps:.3f} m/s",
@@ -226,6 +227,11 @@ def _log_line(session: ControllerSession) -> str:
 def has_rejected_states(record: RunRecord) -> bool:
     """True if a check refused states that were received; they are part of the errors."""
     return record.ticks_by_fault[Fault.STATE_IMPLAUSIBLE] > 0
+
+
+def _is_far(car: LateralError, received: LateralError) -> bool:
+    """True if received states told another lateral error than that of the car."""
+    return any(abs(a - b) > LARGEST_DIFFERENCE_M for a, b in zip(car, received, strict=True))
 
 
 def _bus_line(session: ControllerSession) -> str:

@@ -5,7 +5,6 @@ It is TOML, by default beside the FMU under the same name: `car.fmu`, `car.toml`
 
 from collections import Counter
 from collections.abc import Iterable, Mapping
-from difflib import get_close_matches
 from math import isclose
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple
@@ -13,6 +12,7 @@ from typing import Annotated, Any, Literal, NamedTuple
 from pydantic import BeforeValidator, Field, GetPydanticSchema, TypeAdapter, create_model
 
 from rt_controller.contract.errors import ConfigError
+from rt_controller.contract.names import near_names
 from rt_controller.contract.signals import ControlInput
 from rt_controller.mapping.toml_file import parse, read_own
 from rt_controller.mapping.units import (
@@ -162,7 +162,7 @@ def _variable(variables: Mapping[str, Any], table: str, field: str, name: str) -
         ConfigError: there is none.
     """
     if name not in variables:
-        near = get_close_matches(name, variables, n=5, cutoff=0.4) or list(variables)[:8]
+        near = near_names(name, variables, most=5) or list(variables)[:8]
         raise ConfigError(
             f"expected a variable {name!r}, found none of that name ({', '.join(near)}, …). "
             f"Correct the mapping file."

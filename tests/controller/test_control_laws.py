@@ -117,7 +117,7 @@ def test_a_law_that_fails_at_once_is_named_too():
         def control(self, now: Observation) -> ControlInput:
             raise KeyError("model")
 
-    with pytest.raises(ControlLawError, match="controller Never: .*KeyError: 'model'"):
+    with pytest.raises(ControlLawError, match=r"controller Never: .*KeyError: 'model'"):
         simulate("straight", controller=Never())
 
 

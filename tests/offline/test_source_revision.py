@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from offline import files
+from rt_controller.contract import revision
 
-SCRIPT = "from offline.files import source_revision; print(source_revision())"
+SCRIPT = "from rt_controller.contract.revision import source_revision; print(source_revision())"
 
 
 @pytest.fixture
@@ -20,10 +20,11 @@ def repository(tmp_path):
         author = ("-c", "user.name=a", "-c", "user.email=a@b.c", "-c", "commit.gpgsign=false")
         subprocess.run(["git", *author, *arguments], cwd=tmp_path, check=True, capture_output=True)
 
-    room = tmp_path / "offline"
-    room.mkdir()
-    shutil.copy(Path(files.__file__), room)
+    room = tmp_path / "rt_controller" / "contract"
+    room.mkdir(parents=True)
+    shutil.copy(Path(revision.__file__), room)
     (room / "__init__.py").touch()
+    (room.parent / "__init__.py").touch()
     (tmp_path / "rt_controller" / "models" / "lti").mkdir(parents=True)
     (tmp_path / "rt_controller" / "models" / "lti" / "card.md").write_text("# a card\n")
     git("init", "-q")
@@ -46,7 +47,9 @@ def test_the_revision_is_that_of_the_commit_and_dirty_after_a_change_of_the_sour
     (repository / "figures.json").write_text("{}")
     (repository / "rt_controller" / "models" / "lti" / "card.md").write_text("# another card\n")
     assert revision_in(repository) == clean
-    (repository / "offline" / "__init__.py").write_text("X = 1\n")
+    (repository / "rt_controller" / "contract" / "__init__.py").write_text("X = 1\n")
     assert revision_in(repository) == clean + "-dirty"
     shutil.rmtree(repository / ".git")
     assert revision_in(repository) == "unknown"
+    (repository / "rt_controller" / "contract" / revision.REVISION_FILE).write_text("abc\n")
+    assert revision_in(repository) == "abc"  # of the build

