@@ -269,11 +269,7 @@ class Bridge:
         if self._faulty is not None:
             self.applied = self._faulty.actuated(commanded, run.ticks + 1)
         actuators.note(commanded, self.applied)
-        self._car.set_road(self.scenario.road_at(run.s_m, run.time_s))
-        state = self._car.advance(self.applied, self._curvature)
-        self.has_failed = not self._car.is_sound
-        if not self.has_failed:
-            run.advance(state, self._car.s_m, self.applied, self._mode, self.is_braking)
+        self.has_failed = not run.drive(self._car, self.applied, self._mode, self.is_braking)
 
     def _send(self, now_ns: int) -> None:
         command, run, send = self._command, self.run, self._outbox.send
