@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from rt_controller.contract.car import DEFAULT_CAR as LIMITS_OF
 from rt_controller.contract.errors import ConfigError, needs_extra
 from rt_controller.contract.limits import INPUT_LIMITS, LEAST_FRICTION, MOST_FRICTION
-from rt_controller.contract.preview import INTERVALS, LONGEST_SPACING_M
+from rt_controller.contract.preview import KNOTS, LONGEST_SPACING_M
 from rt_controller.contract.signals import ControlInput, Mode
 from rt_controller.contract.timing import PERIOD_S
 from rt_controller.safety.envelope import limit
@@ -89,9 +89,9 @@ class Observation(NamedTuple):
 
 
 _INPUTS = (1.0, INPUT_LIMITS.upper.brake_n, LIMITS_OF.geometry.lock_rad)
-_HIGHEST = Observation(
+_HIGHEST = (
     *(FASTEST_MPS, 50.0, 10.0, 10.0, pi, FASTEST_MPS, 50.0, LONGEST_SPACING_M),
-    *(INTERVALS + 1) * (1.0,),
+    *[1.0] * KNOTS,
     *_INPUTS,
     *_INPUTS,
 )
@@ -139,8 +139,8 @@ class CarEnv(gymnasium.Env[Floats, Floats]):
             ConfigError: scenario, car or a value is refused.
             MissingExtraError: the car is not compiled.
         """
-        one = isinstance(scenario, str | Path | Scenario)
-        self._scenarios = [_drivable(each) for each in ([scenario] if one else scenario)]
+        listed = [scenario] if isinstance(scenario, str | Path | Scenario) else scenario
+        self._scenarios = [_drivable(each) for each in listed]
         self._parameters, self._car_name = load_parameters(car), str(car)
         self._friction = (
             None
@@ -238,16 +238,15 @@ class CarEnv(gymnasium.Env[Floats, Floats]):
         state, path = run.state, run.path
         road = run.scenario.preview_ahead(run.s_m, state.vx_mps, path.v_mps, run.time_s)
         spacing_m, *road_per_m = road
-        seen = Observation(
-            *(state.vx_mps, state.vy_mps, state.yaw_rate_radps),
-            *(run.ey_error_m, self._epsi_error_rad, path.v_mps, path.a_mps2, spacing_m),
-            *(
-                per_m + 2.0 * path.c2_per_m + 6.0 * path.c3_per_m2 * place * spacing_m
-                for place, per_m in enumerate(road_per_m)
-            ),
-            *self._commanded,
-            *self._before,
-        )
+        path_per_m = [
+            per_m + 2.0 * path.c2_per_m + 6.0 * path.c3_per_m2 * place * spacing_m
+            for place, per_m in enumerate(road_per_m)
+        ]
+        motion = state.vx_mps, state.vy_mps, state.yaw_rate_radps
+        errors = run.ey_error_m, self._epsi_error_rad
+        wanted = path.v_mps, path.a_mps2
+        inputs = (*self._commanded, *self._before)
+        seen = Observation._make((*motion, *errors, *wanted, spacing_m, *path_per_m, *inputs))
         return np.clip(seen, _LOWEST, _HIGHEST).astype(np.float32)
 
     def _info(self) -> dict[str, Any]:
