@@ -3,7 +3,6 @@
 import warnings
 from collections.abc import Iterable, Iterator
 from itertools import repeat
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,8 +13,7 @@ from rt_controller.contract.car import DEFAULT_CAR
 from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.limits import INPUT_LIMITS
 from rt_controller.contract.timing import PERIOD_S
-from sim_bridge import load_scenario
-from sim_bridge.scenario.loading import add_faults
+from sim_bridge import load_scenario, parse_scenario
 
 gymnasium = pytest.importorskip("gymnasium")
 
@@ -23,6 +21,10 @@ from gymnasium.utils.env_checker import check_env  # noqa: E402
 
 from sim_bridge.adapters.gym import CarEnv, Observation  # noqa: E402
 
+FAULTY = {
+    **{"format": 2, "name": "a", "duration_s": 5.0, "reference": {"speed_kmh": 50.0}},
+    "faults": [{"kind": "drop", "messages": ["state"], "start_s": 1.0}],
+}
 MADE = "sim_bridge.adapters.gym:sim_bridge/Track-v0"
 
 
@@ -152,17 +154,9 @@ def test_an_action_acts_two_periods_later_and_within_the_rates() -> None:
         ({"start_ey_m": -0.1}, "start_ey_m"),
         ({"scenario": "no such road"}, "no such road"),
         ({"car": "no such car"}, "no such car"),
+        ({"scenario": parse_scenario(FAULTY, "a")}, "without .*faults"),
     ],
 )
 def test_an_option_that_does_not_fit_is_refused_by_name(options: Any, named: str) -> None:
     with pytest.raises(ConfigError, match=named):
         CarEnv(**options)
-
-
-def test_a_scenario_with_faults_is_refused(tmp_path: Path) -> None:
-    file = tmp_path / "faults.toml"
-    file.write_text(
-        '[[faults]]\nkind = "drop"\nmessages = ["state"]\nstart_s = 1.0\n', encoding="utf-8"
-    )
-    with pytest.raises(ConfigError, match="faults"):
-        CarEnv(add_faults(load_scenario("straight"), file))
