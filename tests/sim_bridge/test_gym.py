@@ -22,7 +22,10 @@ from gymnasium.utils.env_checker import check_env  # noqa: E402
 from sim_bridge.adapters.gym import CarEnv, Observation  # noqa: E402
 
 FAULTY = {
-    **{"format": 2, "name": "a", "duration_s": 5.0, "reference": {"speed_kmh": 50.0}},
+    "format": 2,
+    "name": "a",
+    "duration_s": 5.0,
+    "reference": {"speed_kmh": 50.0},
     "faults": [{"kind": "drop", "messages": ["state"], "start_s": 1.0}],
 }
 MADE = "sim_bridge.adapters.gym:sim_bridge/Track-v0"
