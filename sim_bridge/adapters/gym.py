@@ -23,12 +23,7 @@ from rt_controller.safety.envelope import limit
 from sim_bridge.adapters.own_car import OwnCar, ground_at
 from sim_bridge.bridge import DEFAULT_DELAY
 from sim_bridge.car import FASTEST_MPS
-from sim_bridge.plant.parameters import (
-    load_parameters,
-    with_mass_factor,
-    with_payload,
-    with_road,
-)
+from sim_bridge.plant.parameters import load_parameters, with_mass_factor, with_payload, with_road
 from sim_bridge.plant.parts import Payload
 from sim_bridge.plant.shipped_cars import DEFAULT_CAR
 from sim_bridge.scenario import Scenario, load_scenario
@@ -40,20 +35,29 @@ with needs_extra("gym", "The Gymnasium environment"):
     from gymnasium.spaces import Box
 
 ENV_ID = "sim_bridge/Track-v0"
-LANE_M, SPUN_RAD, LARGEST_SPEED_ERROR_MPS = 1.75, pi / 4, 10.0
-"""errors of place, heading and speed beyond which an episode is terminated"""
-EY_SCALE_M, EPSI_SCALE_RAD, SPEED_SCALE_MPS = 1.0, 0.5, 5.0
-"""errors that alone take the whole reward of a step"""
 CHANGE_WEIGHT = 0.02
 """share of the reward that the fastest change of an input takes"""
 LARGEST_START_EY_M = 1.0
 MASS_FACTORS = (0.5, 2.0)
-DELAY_PERIODS = sum(DEFAULT_DELAY)
 _FASTEST_CHANGE = PERIOD_S * np.array(INPUT_LIMITS.rate_per_s)
 
 Floats = NDArray[np.float32]
 Range = float | tuple[float, float]
 """a value, or the limits of a uniform distribution"""
+
+
+class Errors(NamedTuple):
+    """The car against the wanted path and speed."""
+
+    ey_error_m: float
+    epsi_error_rad: float
+    speed_error_mps: float
+
+
+LARGEST = Errors(1.75, pi / 4, 10.0)
+"""beyond which an episode is terminated"""
+SCALE = Errors(1.0, 0.5, 5.0)
+"""each of which alone takes the whole reward of a step"""
 
 
 class Observation(NamedTuple):
@@ -89,20 +93,15 @@ class Observation(NamedTuple):
 
 
 _INPUTS = (1.0, INPUT_LIMITS.upper.brake_n, LIMITS_OF.geometry.lock_rad)
-_HIGHEST = (
-    *(FASTEST_MPS, 50.0, 10.0, 10.0, pi, FASTEST_MPS, 50.0, LONGEST_SPACING_M),
-    *[1.0] * KNOTS,
-    *_INPUTS,
-    *_INPUTS,
+_HIGHEST = np.array(
+    [
+        *(FASTEST_MPS, 50.0, 10.0, 10.0, pi, FASTEST_MPS, 50.0, LONGEST_SPACING_M),
+        *KNOTS * [1.0],
+        *(_INPUTS + _INPUTS),
+    ],
+    dtype=np.float32,
 )
-"""ends of the ranges; what is beyond them is clipped"""
-_NOT_NEGATIVE = {
-    *("wanted_mps", "spacing_m", "throttle", "brake_n", "throttle_before", "brake_before_n")
-}
-_LOWEST = [
-    0.0 if name in _NOT_NEGATIVE else -most
-    for name, most in zip(Observation._fields, _HIGHEST, strict=True)
-]
+"""ends of the ranges, which begin at the same below 0; what is beyond them is clipped"""
 
 
 class CarEnv(gymnasium.Env[Floats, Floats]):
@@ -149,8 +148,7 @@ class CarEnv(gymnasium.Env[Floats, Floats]):
         )
         self._mass_factor = _range("mass_factor", mass_factor, *MASS_FACTORS)
         _, self._start_ey_m = _range("start_ey_m", start_ey_m, 0.0, LARGEST_START_EY_M)
-        low, high = (np.array(ends, dtype=np.float32) for ends in (_LOWEST, _HIGHEST))
-        self.observation_space = Box(low, high)
+        self.observation_space = Box(-_HIGHEST, _HIGHEST)
         self.action_space = Box(-1.0, 1.0, (2,))
 
     def reset(
@@ -169,14 +167,15 @@ class CarEnv(gymnasium.Env[Floats, Floats]):
         ey_m = scenario.initial.ey_m + draw.uniform(-self._start_ey_m, self._start_ey_m)
         initial = scenario.initial.model_copy(update={"ey_m": ey_m})
         scenario = replace(scenario.with_friction(friction), initial=initial)
-        loaded = with_payload(self._parameters, Payload(*dict(scenario.payload).values()))
+        payload = Payload(*dict(scenario.payload).values())
+        loaded = with_payload(with_mass_factor(self._parameters, mass_factor), payload)
         ground = ground_at(scenario.road_at(scenario.start.s_m, 0.0))
-        parameters = with_road(with_mass_factor(loaded, mass_factor), ground)
+        parameters = with_road(loaded, ground)
         self._car = build_car(scenario, OwnCar(parameters, self._car_name))
         self._run = ScenarioRun(scenario, self._car.state, self._car.s_m)
         first = self._car.first_input
         self._commanded = self._before = self._applied = first
-        self._under_way = deque([first] * DELAY_PERIODS)
+        self._under_way = deque([first] * sum(DEFAULT_DELAY))
         self._drawn = {"friction": ground.friction_left, "mass_factor": mass_factor}
         return self._observe(), self._info()
 
@@ -191,12 +190,15 @@ class CarEnv(gymnasium.Env[Floats, Floats]):
         self._under_way.append(self._commanded)
         self._applied = self._under_way.popleft()
         is_sound = run.drive(self._car, self._applied, Mode.NOMINAL)
-        is_lost = not is_sound or self._is_lost()
+        errors = self._errors()
+        is_lost = not is_sound or any(
+            abs(error) > most for error, most in zip(errors, LARGEST, strict=True)
+        )
         is_over = run.end_ticks > 0
         info = self._info()
         if is_lost or is_over:
             info["ey_rms_m"], info["ey_peak_m"] = run.ey_error_rms_and_peak_m()
-        return self._observe(), 0.0 if is_lost else self._reward(), is_lost, is_over, info
+        return self._observe(), 0.0 if is_lost else self._reward(errors), is_lost, is_over, info
 
     def _command(self, action: Floats) -> ControlInput:
         """The input that an action asks for, within bounds and rates."""
@@ -208,30 +210,15 @@ class CarEnv(gymnasium.Env[Floats, Floats]):
         wanted = ControlInput(max(pedals, 0.0), full_n * max(-pedals, 0.0), wheel * most_rad)
         return limit(wanted, self._commanded, INPUT_LIMITS.with_wheel(most_rad))
 
-    @property
-    def _epsi_error_rad(self) -> float:
-        return self._run.state.epsi_rad - atan(self._run.path.c1)
+    def _errors(self) -> Errors:
+        state, path = self._run.state, self._run.path
+        turned_rad = state.epsi_rad - atan(path.c1)
+        return Errors(self._run.ey_error_m, turned_rad, state.vx_mps - path.v_mps)
 
-    @property
-    def _speed_error_mps(self) -> float:
-        return self._run.state.vx_mps - self._run.path.v_mps
-
-    def _is_lost(self) -> bool:
-        return (
-            abs(self._run.ey_error_m) > LANE_M
-            or abs(self._epsi_error_rad) > SPUN_RAD
-            or abs(self._speed_error_mps) > LARGEST_SPEED_ERROR_MPS
-        )
-
-    def _reward(self) -> float:
+    def _reward(self, errors: Errors) -> float:
+        shares = np.array(errors) / SCALE
         changes = (np.array(self._commanded) - self._before) / _FASTEST_CHANGE
-        cost = (
-            (self._run.ey_error_m / EY_SCALE_M) ** 2
-            + (self._epsi_error_rad / EPSI_SCALE_RAD) ** 2
-            + (self._speed_error_mps / SPEED_SCALE_MPS) ** 2
-            + CHANGE_WEIGHT * float(changes @ changes)
-        )
-        return 1.0 - min(cost, 1.0)
+        return 1.0 - min(float(shares @ shares + CHANGE_WEIGHT * changes @ changes), 1.0)
 
     def _observe(self) -> Floats:
         run = self._run
@@ -243,20 +230,17 @@ class CarEnv(gymnasium.Env[Floats, Floats]):
             for place, per_m in enumerate(road_per_m)
         ]
         motion = state.vx_mps, state.vy_mps, state.yaw_rate_radps
-        errors = run.ey_error_m, self._epsi_error_rad
-        wanted = path.v_mps, path.a_mps2
-        inputs = (*self._commanded, *self._before)
-        seen = Observation._make((*motion, *errors, *wanted, spacing_m, *path_per_m, *inputs))
-        return np.clip(seen, _LOWEST, _HIGHEST).astype(np.float32)
+        wanted = path.v_mps, path.a_mps2, spacing_m
+        inputs = *self._commanded, *self._before
+        seen = Observation._make((*motion, *self._errors()[:2], *wanted, *path_per_m, *inputs))
+        return np.clip(np.array(seen, dtype=np.float32), -_HIGHEST, _HIGHEST)
 
     def _info(self) -> dict[str, Any]:
         """True errors and the input that acted in the period."""
         return {
             "time_s": self._run.time_s,
             "s_m": self._run.s_m,
-            "ey_error_m": self._run.ey_error_m,
-            "epsi_error_rad": self._epsi_error_rad,
-            "speed_error_mps": self._speed_error_mps,
+            **self._errors()._asdict(),
             **self._applied._asdict(),
             **self._drawn,
         }
