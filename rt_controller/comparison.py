@@ -270,13 +270,13 @@ def _digest(
     settings: ControllerConfig,
 ) -> str:
     """Digest of all that a drive depends on, but for the object of a law."""
-    import joblib
+    from sim_bridge.campaign import object_digest
 
     config = _config(settings, entrant)
     file = None if config.controller is None else law_file(config.controller)
     text = None if file is None else file.read_text(encoding="utf-8")
     parts = (conditions.model_dump_json(), config.model_dump_json(), text)
-    return str(joblib.hash((scenario, *parts, Bundle.load(config.model).sha256)))
+    return object_digest((scenario, *parts, Bundle.load(config.model).sha256))
 
 
 def _config(settings: ControllerConfig, entrant: str | ControlLaw) -> ControllerConfig:

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 from rt_controller.public_names import public_names
 
 if TYPE_CHECKING:
+    from sim_bridge.adapters.gym import CarEnv as CarEnv
     from sim_bridge.plant.protocol import Plant as Plant
     from sim_bridge.plant.protocol import PlantOutputs as PlantOutputs
     from sim_bridge.scenario import Scenario as Scenario
@@ -14,6 +15,7 @@ if TYPE_CHECKING:
 __all__, __getattr__, __dir__ = public_names(
     __name__,
     {
+        "CarEnv": "adapters.gym",
         "Plant": "plant.protocol",
         "PlantOutputs": "plant.protocol",
         "Scenario": "scenario",

@@ -277,11 +277,9 @@ class Bridge:
         if self._faulty is not None:
             self.applied = self._faulty.actuated(commanded, run.ticks + 1)
         actuators.note(commanded, self.applied)
-        self._car.set_road(self.scenario.road_at(run.s_m, run.time_s))
-        state = self._car.advance(self.applied, self._curvature)
-        self.has_failed = not self._car.is_sound
+        self.has_failed = not run.drive(self._car, self.applied, self._mode, self.is_braking)
         if not self.has_failed:
-            run.advance(state, self._car.s_m, self.applied, self._mode, self.is_braking)
+            state = self._car.state
             self._poses.append((now_ns, self._car.s_m, state.ey_m, state.epsi_rad))
 
     def _send(self, now_ns: int) -> None:

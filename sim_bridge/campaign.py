@@ -186,6 +186,13 @@ def digest(value: Any) -> str:
     return sha256(json.dumps(value, sort_keys=True).encode()).hexdigest()
 
 
+def object_digest(value: Any) -> str:
+    """Digest of objects of any types, the same in each process."""
+    import joblib
+
+    return str(joblib.hash(value))
+
+
 def _read_results(file: Path | None, made_with_sha256: str) -> dict[str, Any]:
     if file is None or not file.exists():
         return {}

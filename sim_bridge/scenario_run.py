@@ -8,6 +8,7 @@ from rt_controller.contract.signals import ControlInput, Mode, PathReference, Ve
 from rt_controller.contract.timing import PERIOD_S
 from rt_controller.drive.scenario import CarFigure
 from rt_controller.vehicle.vehicle_envelope import OwnMotion, off_path_m
+from sim_bridge.car import Car
 from sim_bridge.scenario import Scenario
 from sim_bridge.scenario.metrics import LogRow, judged, measure, peak, rms
 from sim_bridge.scenario.speed import next_progress
@@ -17,7 +18,7 @@ AT_REST_MPS = 0.3
 
 
 class ScenarioRun:
-    """The progress of one drive; `advance` is called after each period that the car moved."""
+    """The progress of one drive; `drive` moves the car and notes where it is."""
 
     def __init__(self, scenario: Scenario, state: VehicleState, s_m: float) -> None:
         """The car waits at the start, in this state and at this arc length."""
@@ -73,26 +74,27 @@ class ScenarioRun:
         """End the mission with the next period, as if the duration of the scenario were over."""
         self._is_end_requested = True
 
-    def advance(
-        self,
-        state: VehicleState,
-        s_m: float,
-        applied: ControlInput,
-        mode: Mode | None,
-        is_braking: bool,
-    ) -> None:
-        """The car has moved for one period.
+    def drive(
+        self, car: Car, applied: ControlInput, mode: Mode | None, is_braking: bool = False
+    ) -> bool:
+        """Move the car by one period on its road; False if its motion is not sound any more.
+
+        Then the run stays where it was.
 
         Args:
-            state: of the car now.
-            s_m: its arc length on the reference line.
+            car: of this run.
             applied: input of the period.
             mode: of the command that is followed; None: there was none.
             is_braking: the vehicle brakes by itself.
         """
+        scenario = self.scenario
+        car.set_road(scenario.road_at(self.s_m, self.time_s))
+        state = car.advance(applied, scenario.road.curvature_per_m)
+        if not car.is_sound:
+            return False
         self.ticks += 1
         self.time_s = self.ticks * PERIOD_S
-        speed_mps, scenario = state.vx_mps, self.scenario
+        s_m, speed_mps = car.s_m, state.vx_mps
         self._progress = next_progress(
             self._progress, scenario.all_stops, s_m, speed_mps, self.time_s
         )
@@ -101,13 +103,14 @@ class ScenarioRun:
         if not self._is_mission_on(mode, is_braking):
             self.end_ticks += 1
             self.motion = self.motion._replace(is_mission_on=False)
-            return
+            return True
         stop = self._progress.stops_done if self._progress.is_holding else -1
         vx_mps, vy_mps, yaw_rate_radps, _, ey_m, epsi_rad = state
         place = self.time_s, s_m, ey_m, epsi_rad, self.curvature_per_m
         motion = vx_mps, vy_mps, yaw_rate_radps, applied.steer_rad
         wanted = self.path.c0_m, atan(self.path.c1), self.path.v_mps
         self._log.append(LogRow(*place, *motion, *wanted, stop))
+        return True
 
     def figures(self) -> tuple[CarFigure, ...]:
         """The figures that the scenario names or limits, so far."""
