@@ -8,16 +8,18 @@ from numbers import Real
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
 from pydantic import ValidationError
 from threadpoolctl import threadpool_limits
 
 from rt_controller.config import ControllerConfig, require_config
 from rt_controller.contract.errors import ConfigError, PlantError, require_type
 from rt_controller.contract.settings_errors import dotted, explain
+from rt_controller.contract.signals import StateColumn
 from rt_controller.control.low_speed import LowSpeedCar
 from rt_controller.control.mpc import Mpc
-from rt_controller.drive.scenario import DrivenScenario, LateralError
-from rt_controller.drive.table import Drive
+from rt_controller.drive.scenario import DrivenScenario, LateralError, RoadLine
+from rt_controller.drive.table import Drive, PredictedPath
 from rt_controller.model.artifact import find_model, load_bundle
 from rt_controller.model.bundle import Bundle
 from rt_controller.node import build_mpc
@@ -30,6 +32,11 @@ if TYPE_CHECKING:
     from sim_bridge.plant.protocol import Plant
     from sim_bridge.scenario import Scenario
     from sim_bridge.session import BridgeSession
+
+
+BEHIND_M, AHEAD_M, ROAD_STEP_M = 20.0, 100.0, 0.5
+"""of the road that a drive keeps: behind its start, ahead of its end, between two places"""
+TICKS_PER_HORIZON = 4
 
 
 def open_virtual_car(
@@ -73,6 +80,9 @@ def named_scenario(car: CarSettings) -> "Scenario":
 def driven_scenario(car: "BridgeSession") -> DrivenScenario:
     """What the car of a session drives."""
     scenario, course = car.bridge.scenario, car.bridge.scenario.course
+    road, start_m = scenario.road, scenario.start.s_m
+    s_m = np.arange(start_m - BEHIND_M, car.bridge.run.s_m + AHEAD_M, ROAD_STEP_M)
+    half_width_m = np.full_like(s_m, np.nan) if road.width_m is None else 0.5 * road.width_m(s_m)
     return DrivenScenario(
         name=scenario.name,
         plant=car.bridge.plant_name,
@@ -80,7 +90,28 @@ def driven_scenario(car: "BridgeSession") -> DrivenScenario:
         start_s_m=scenario.start.s_m,
         cones=course.cones,
         lanes=course.lanes,
+        road=RoadLine(s_m, road.curvature_per_m(s_m), half_width_m),
     )
+
+
+def finished_drive(
+    session: ControllerSession, car: "BridgeSession", horizons: Sequence[PredictedPath] = ()
+) -> Drive:
+    """The drive of a session with the car, its scenario and true poses."""
+    poses = car.bridge.poses_at(session.record.trace.times_ns)
+    return session.drive().of_scenario(
+        driven_scenario(car), car.bridge.figures(), poses, tuple(horizons)
+    )
+
+
+def predicted_path(mpc: Mpc, tick: int) -> PredictedPath | None:
+    """Where the plan that `mpc` has just made takes the car, counted from it; None: no plan."""
+    states = mpc.predicted_states()
+    if states is None:
+        return None
+    moved_m, ey_m = states[:, StateColumn.ds_m], states[:, StateColumn.ey_m]
+    begin_m = (mpc.periods_under_way - 1) * moved_m[0]
+    return PredictedPath(tick, begin_m + np.cumsum(moved_m), ey_m)
 
 
 def car_error(car: "BridgeSession") -> LateralError:
@@ -206,6 +237,15 @@ def drive_in_lockstep(
     `plant` and `scenario` replace those that `car` names; `checks` are those of the supervisor;
     `after_tick` is called after each step; otherwise as `simulate`.
     """
+    horizons = list[PredictedPath]()
+
+    def observe(session: ControllerSession) -> None:
+        tick = session.record.trace.last_tick
+        if tick % TICKS_PER_HORIZON == 0:
+            path = predicted_path(mpc, tick)
+            horizons.extend([] if path is None else [path])
+        after_tick(session)
+
     bus = BusSettings(bus=VIRTUAL, channel=f"simulate-{next(_numbers)}")
     with (
         closing(open_virtual_car(bus, car, plant, scenario)) as virtual,
@@ -213,11 +253,11 @@ def drive_in_lockstep(
     ):
         clock = LockstepClock(virtual.tick)
         with closing(ControllerSession(bus, config, bundle, mpc, clock, checks=checks)) as session:
-            session.observe = after_tick
+            session.observe = observe
             session.start(duration_s, False, _LONGEST_WAIT_S).join()
     if session.failure is not None:
         raise session.failure
     plant_failure = virtual.bridge.summary().plant_failure
     if plant_failure is not None:
         raise PlantError(f"The plant failed during the drive: {plant_failure}.")
-    return session.drive().of_scenario(driven_scenario(virtual), virtual.bridge.figures())
+    return finished_drive(session, virtual, horizons)

@@ -6,6 +6,7 @@ from math import inf
 from typing import NamedTuple
 
 import can
+import numpy as np
 
 from rt_controller.bus.identity import DISENGAGED_FRAMES, own_identity, require_same_catalogue
 from rt_controller.bus.log.recorder import Recorder
@@ -24,6 +25,7 @@ from rt_controller.bus.messages import (
 )
 from rt_controller.bus.receive import Inbox, Received
 from rt_controller.bus.send import Outbox
+from rt_controller.contract.arrays import Array
 from rt_controller.contract.braking import stop_speed_mps
 from rt_controller.contract.errors import BusError
 from rt_controller.contract.faults import NO_REFUSAL
@@ -109,6 +111,7 @@ class Bridge:
         """the newest one that has arrived"""
         self._mode: Mode | None = None
         """of the command that is followed; None: there was none"""
+        self._poses = [(0, car.s_m, car.state.ey_m, car.state.epsi_rad)]
         self.applied = car.first_input
         """what pedals and steering wheel did in the last period"""
         self.has_failed = not car.is_sound
@@ -202,6 +205,11 @@ class Bridge:
         """The figures that the scenario names or limits, so far."""
         return self.run.figures()
 
+    def poses_at(self, times_ns: Array) -> Array:
+        """(n, 3), s_m, ey_m, epsi_rad of the car itself, those of its last period at each time."""
+        poses = np.array(self._poses)
+        return np.asarray(poses[poses[:, 0].searchsorted(times_ns, "right") - 1, 1:])
+
     def faults_so_far(self) -> tuple[str, ...]:
         """What each fault of the scenario that has acted does, and when."""
         tick, faults = self.run.ticks, self.scenario.faults
@@ -274,6 +282,7 @@ class Bridge:
         self.has_failed = not self._car.is_sound
         if not self.has_failed:
             run.advance(state, self._car.s_m, self.applied, self._mode, self.is_braking)
+            self._poses.append((now_ns, self._car.s_m, state.ey_m, state.epsi_rad))
 
     def _send(self, now_ns: int) -> None:
         command, run, send = self._command, self.run, self._outbox.send

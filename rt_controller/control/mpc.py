@@ -207,6 +207,11 @@ class Mpc:
         """psi (n,) of the last state; `warm_up` overwrites it."""
         return self._encoder.psi
 
+    @property
+    def periods_under_way(self) -> int:
+        """From the state of the last `plan` to the begin of its plan."""
+        return len(self._under_way)
+
     def predicted_states(self) -> Array | None:
         """States (N + 1, 6) that the model predicts under `inputs`, that at their begin first.
 

@@ -3,6 +3,8 @@
 from collections.abc import Iterable
 from typing import Any, NamedTuple
 
+from rt_controller.contract.arrays import Array
+
 EXIT_LIMIT = 8
 """exit code of a drive to its end that missed a limit of its scenario"""
 
@@ -24,6 +26,16 @@ class LaneAt(NamedTuple):
     left_m: float
 
 
+class RoadLine(NamedTuple):
+    """The reference line of the road from behind the start to ahead of the end of the drive."""
+
+    s_m: Array
+    """(n,), increasing"""
+    curvature_per_m: Array
+    half_width_m: Array
+    """from the line to each edge of the road; NaN: not known"""
+
+
 class DrivenScenario(NamedTuple):
     """The scenario of a drive and the car in it."""
 
@@ -35,6 +47,7 @@ class DrivenScenario(NamedTuple):
     start_s_m: float = 0.0
     cones: tuple[ConeAt, ...] = ()
     lanes: tuple[LaneAt, ...] = ()
+    road: RoadLine | None = None
 
 
 class LateralError(NamedTuple):

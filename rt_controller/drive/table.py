@@ -39,6 +39,15 @@ class TrackingErrors(NamedTuple):
     vx_peak_mps: float
 
 
+class PredictedPath(NamedTuple):
+    """Where the plan of one tick takes the car, by its model."""
+
+    tick: int
+    s_m: Array
+    """(N + 1,), arc length from the begin of the plan on"""
+    ey_m: Array
+
+
 @dataclass(frozen=True, slots=True, repr=False)
 class Drive:
     """What happened in one drive, tick by tick, in SI units.
@@ -69,6 +78,17 @@ class Drive:
     """for how long each input was at its upper bound, the steering wheel at either, in s"""
     scenario: DrivenScenario | None = None
     """of a simulated drive"""
+    true_poses: Array | None = None
+    """(ticks, 3), s_m, ey_m, epsi_rad of the car itself; None: only what was received is known"""
+    horizons: tuple[PredictedPath, ...] = ()
+    """of every fourth tick of a drive in simulated time"""
+
+    @property
+    def poses(self) -> Array:
+        """(ticks, 3), s_m, ey_m, epsi_rad: the true ones, or the last ones that were received."""
+        if self.true_poses is not None:
+            return self.true_poses
+        return np.stack([filled(self[name]) for name in ("s_m", "ey_m", "epsi_rad")], axis=1)
 
     @property
     def columns(self) -> tuple[str, ...]:
@@ -119,11 +139,32 @@ class Drive:
         values: Array = self.values[:, self.columns.index(column)]
         return values
 
-    def of_scenario(self, scenario: DrivenScenario, car_figures: tuple[CarFigure, ...]) -> "Drive":
-        """The drive with its scenario and figures; its arc length begins at the start of it."""
+    def of_scenario(
+        self,
+        scenario: DrivenScenario,
+        car_figures: tuple[CarFigure, ...],
+        true_poses: Array,
+        horizons: tuple[PredictedPath, ...] = (),
+    ) -> "Drive":
+        """The drive with its scenario and figures; its arc length begins at the start of it.
+
+        That of `horizons` is counted from the car.
+        """
         values = self.values.copy()
         values[:, self.columns.index(PLACE.name)] += scenario.start_s_m
-        return replace(self, values=values, car_figures=car_figures, scenario=scenario)
+        placed = tuple(
+            each._replace(s_m=each.s_m + true_poses[each.tick, 0])
+            for each in horizons
+            if each.tick < len(true_poses)
+        )
+        return replace(
+            self,
+            values=values,
+            car_figures=car_figures,
+            scenario=scenario,
+            true_poses=true_poses,
+            horizons=placed,
+        )
 
     def to_csv(self, file: Path | str) -> None:
         """Write the table as CSV, one column for each name."""
@@ -158,3 +199,12 @@ class Drive:
         from rt_controller.report.drive_figure import draw_drive
 
         return draw_drive(self, None if file is None else Path(file))
+
+
+def filled(values: Array) -> Array:
+    """The column with its gaps filled by the value before them."""
+    known = np.flatnonzero(np.isfinite(values))
+    if known.size == 0:
+        return np.zeros_like(values)
+    last = np.maximum(np.searchsorted(known, np.arange(len(values)), side="right") - 1, 0)
+    return np.asarray(values[known[last]])

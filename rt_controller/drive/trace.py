@@ -4,6 +4,7 @@ from math import atan, nan
 
 import numpy as np
 
+from rt_controller.contract.arrays import Array
 from rt_controller.contract.signals import N_EXOGENOUS, N_STATES, ControlInput, Mode
 from rt_controller.contract.timing import PERIOD_S
 from rt_controller.drive.table import COLUMNS, REFERENCE, Drive, TrackingErrors
@@ -64,6 +65,11 @@ class DriveTrace:
             self._peaks[i] = max(self._peaks[i], abs(error))
 
     @property
+    def times_ns(self) -> Array:
+        """Times of the ticks that are kept on the clock of the loop, oldest first."""
+        return (self._start_ns or 0) + 1e9 * self._kept_rows()[:, 0]
+
+    @property
     def last_tick(self) -> int:
         """Number of the last tick, counted from zero."""
         return self._ticks - 1
@@ -84,8 +90,10 @@ class DriveTrace:
 
     def drive(self, model: str, ending: str) -> Drive:
         """The ticks that are kept, oldest first."""
+        return Drive(self._kept_rows(), self.errors(), model, ending, at_limit_s=self.at_limit_s())
+
+    def _kept_rows(self) -> Array:
         kept = len(self._rows)
-        rows = self._rows[: self._ticks].copy()
         if self._ticks > kept:
-            rows = np.roll(self._rows, -(self._ticks % kept), axis=0)
-        return Drive(rows, self.errors(), model, ending, at_limit_s=self.at_limit_s())
+            return np.roll(self._rows, -(self._ticks % kept), axis=0)
+        return self._rows[: self._ticks].copy()

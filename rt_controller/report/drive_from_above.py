@@ -7,7 +7,7 @@ import numpy as np
 
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.timing import PERIOD_S
-from rt_controller.drive.table import Drive
+from rt_controller.drive.table import Drive, filled
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -37,8 +37,8 @@ def animate(drive: Drive) -> bytes:
     figure, (axes,) = empty_figure(1, 1, 2.1)
     figure.set_layout_engine("none")
     axes.set_position((0.06, 0.22, 0.92, 0.64))
-    s, ey, epsi = (_filled(drive[name]) for name in ("s_m", "ey_m", "epsi_rad"))
-    path, vx, wheel = (_filled(drive[name]) for name in ("path_ey_m", "vx_mps", "steer_rad"))
+    s, ey, epsi = (filled(drive[name]) for name in ("s_m", "ey_m", "epsi_rad"))
+    path, vx, wheel = (filled(drive[name]) for name in ("path_ey_m", "vx_mps", "steer_rad"))
     middle_m = 0.5 * (np.min(path) + np.max(path))
     axes.set_aspect("equal")
     axes.set_xlabel("place on the road / m")
@@ -72,15 +72,6 @@ def animate(drive: Drive) -> bytes:
         out, "GIF", save_all=True, append_images=frames[1:], duration=duration_ms, loop=0
     )
     return out.getvalue()
-
-
-def _filled(values: Array) -> Array:
-    """The column with its gaps filled by the value before them."""
-    known = np.flatnonzero(np.isfinite(values))
-    if known.size == 0:
-        return np.zeros_like(values)
-    last = np.maximum(np.searchsorted(known, np.arange(len(values)), side="right") - 1, 0)
-    return np.asarray(values[known[last]])
 
 
 def _corners(s_m: float, ey_m: float, epsi_rad: float) -> Array:

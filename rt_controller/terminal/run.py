@@ -31,6 +31,7 @@ from rt_controller.settings import CAR_PRIORITY
 from rt_controller.simulation import (
     car_error,
     driven_scenario,
+    finished_drive,
     named_scenario,
     open_virtual_car,
     scenario_notes,
@@ -155,9 +156,7 @@ def _write(
 
     def plot() -> None:
         if options.plot is not None:
-            drive = session.drive()
-            if scenario is not None:
-                drive = drive.of_scenario(scenario, tuple(figures))
+            drive = session.drive() if car is None else finished_drive(session, car)
             drive.plot(options.plot)
 
     failures = [] if session.recorder is None else [session.recorder.explain_failure()]
