@@ -102,7 +102,12 @@ _TIMES = (
     *(
         _Figure(f"{name}, {words}", "us", f"{field}.{key}")
         for name, field in (("step", "step_us"), ("lateness of the wake-up", "wake_us"))
-        for words, key in (("median", "p50"), ("99 %", "p99"), ("99.9 %", "p999"), ("largest", "max"))
+        for words, key in (
+            ("median", "p50"),
+            ("99 %", "p99"),
+            ("99.9 %", "p999"),
+            ("largest", "max"),
+        )
     ),
     *(
         _Figure(f"{name}, 99 %", "us", f"{field}.p99")
@@ -185,7 +190,9 @@ def _value(figures: Mapping[str, Any], figure: _Figure) -> float | None:
     return None if found is None else figure.scale * found
 
 
-def _differences(figures: Sequence[_Figure], drives: Sequence[ReportedDrive]) -> Iterator[float | None]:
+def _differences(
+    figures: Sequence[_Figure], drives: Sequence[ReportedDrive]
+) -> Iterator[float | None]:
     """The second drive minus the first; None where one of them has no value."""
     for figure in figures:
         first, second = (_value(each.figures, figure) for each in drives)

@@ -43,9 +43,17 @@ def _panels(reported: "ReportedDrive") -> tuple[_Panel, ...]:
     tracking_m = next(each.threshold for each in reported.checks if each.name == "tracking")
     return (
         _Panel(
-            "lateral error", "m", drive["ey_m"] - drive["path_ey_m"], np.full(len(drive), tracking_m)
+            "lateral error",
+            "m",
+            drive["ey_m"] - drive["path_ey_m"],
+            np.full(len(drive), tracking_m),
         ),
-        _Panel("speed", "km/h", KMH_PER_MPS * drive["vx_mps"], wanted=KMH_PER_MPS * drive["path_vx_mps"]),
+        _Panel(
+            "speed",
+            "km/h",
+            KMH_PER_MPS * drive["vx_mps"],
+            wanted=KMH_PER_MPS * drive["path_vx_mps"],
+        ),
         _Panel("steering wheel", "deg", wheel_deg, np.degrees(upper[:, steer])),
         _Panel("its rate", "deg/s", rate_degps, np.degrees(rates[:, steer])),
         _Panel("throttle", "%", 100.0 * drive["throttle"], 100.0 * upper[:, throttle]),
@@ -63,7 +71,9 @@ def draw_signals(drives: Sequence["ReportedDrive"]) -> "Figure":
             time_s = reported.drive["time_s"]
             axis.plot(time_s, panel.values, label=reported.name, **styles[reported.name])
             if panel.wanted is not None:
-                axis.plot(time_s, panel.wanted, "--", color=FAINT, linewidth=1.2, label="wanted speed")
+                axis.plot(
+                    time_s, panel.wanted, "--", color=FAINT, linewidth=1.2, label="wanted speed"
+                )
         axis.set_ylabel(f"{panels[0].name} / {panels[0].unit}")
         _draw_bounds(axis, drives, panels)
         _shade(axis, drives)
@@ -111,9 +121,7 @@ def draw_times(drives: Sequence["ReportedDrive"]) -> "Figure":
     return figure
 
 
-def _draw_bounds(
-    axis: "Axes", drives: Sequence["ReportedDrive"], panels: Sequence[_Panel]
-) -> None:
+def _draw_bounds(axis: "Axes", drives: Sequence["ReportedDrive"], panels: Sequence[_Panel]) -> None:
     """The bounds as lines where a signal comes near them, else as a text."""
     if panels[0].bound is None:
         return

@@ -156,6 +156,7 @@ class _Account:
                 **record_to_json(record),
                 "stop_checks": [each._asdict() for each in self._failed],
                 "log_frames_dropped": self._recorded.driven[-1].dropped,
+                "state_age_ms": _quantiles(self._ages_ms),
                 "frames_received": asdict(self._replay.node.inbox.counts),
             },
         )
@@ -224,6 +225,13 @@ class _Account:
             name, unit = check.name, check.quantity.unit
             of_check = values[:, check.quantity]
             yield CheckedQuantity(name, unit, check.threshold, check.window_ticks, of_check)
+
+
+def _quantiles(ages_ms: Sequence[float]) -> dict[str, float | None]:
+    known = [age for age in ages_ms if age == age]
+    if not known:
+        return {"p50": None, "max": None}
+    return {"p50": float(np.median(known)), "max": max(known)}
 
 
 def _events(ticks: Sequence[Tick], times_s: Sequence[float]) -> list[Event]:
