@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from math import degrees, inf
+from math import degrees
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,7 +12,7 @@ from rt_controller.drive.table import Drive
 from rt_controller.report.page import Page, Part, Plot, Section
 from rt_controller.report.table import NO_VALUE, Cell, Column, Row, Table, format_number
 
-SHOWN_EVENTS = 40
+SHOWN_EVENTS, SHOWN_CHECKS = 40, 8
 """of each drive on the page; the figures have all"""
 
 
@@ -173,7 +173,7 @@ _CHECKS = (
     "The checks that came closest to their thresholds, each relative to its own; a check acts "
     "after so many ticks in a row above it as its table says."
 )
-_HISTOGRAM = "Time of the step, and when each tick had sent its frames after its scheduled instant."
+_HISTOGRAM = "Time of the step from its first received frame to its last sent one."
 
 
 def _introduction(drive: ReportedDrive, is_named: bool) -> Iterator[str]:
@@ -228,7 +228,8 @@ def _checks_table(drive: ReportedDrive) -> Table:
         Column("ticks in a row to act"),
     )
     rows = []
-    for share, check in drive.closest_checks():
+    closest = drive.closest_checks()
+    for share, check in closest[:SHOWN_CHECKS]:
         at_s = drive.drive["time_s"][int(np.nanargmax(check.values))]
         name = check.name if check.unit == "1" else f"{check.name} / {check.unit}"
         rows.append((
@@ -239,7 +240,7 @@ def _checks_table(drive: ReportedDrive) -> Table:
             f"{at_s:.3f}",
             f"{check.window_ticks}",
         ))  # fmt: skip
-    return Table(f"Checks of {drive.name}", columns, tuple(rows))
+    return Table(f"Checks of {drive.name}", columns, tuple(rows), _hidden(closest, rows))
 
 
 def _events_part(drive: ReportedDrive) -> Part:
@@ -247,16 +248,20 @@ def _events_part(drive: ReportedDrive) -> Part:
     if not drive.events:
         return f"{drive.name}: no fault bit was set, and the plan was never held."
     columns = (
-        Column("from", "s"), Column("until", "s"), Column("ticks"),
-        Column("mode or fault bit", is_text=True, width="short"), Column("why", is_text=True, width="long"),
-    )  # fmt: skip
+        *(Column("from", "s"), Column("until", "s"), Column("ticks")),
+        Column("mode or fault bit", is_text=True, width="short"),
+        Column("why", is_text=True, width="long"),
+    )
     rows: list[Row] = [
         (f"{each.begin_s:.3f}", f"{each.end_s:.3f}", f"{each.ticks}", each.name, each.why)
         for each in drive.events[:SHOWN_EVENTS]
     ]
-    hidden = len(drive.events) - len(rows)
-    footnotes = (f"and {hidden} more; --json lists all",) if hidden else ()
-    return Table(f"Faults of {drive.name}", columns, tuple(rows), footnotes)
+    return Table(f"Faults of {drive.name}", columns, tuple(rows), _hidden(drive.events, rows))
+
+
+def _hidden(found: Sequence[object], rows: Sequence[Row]) -> tuple[str, ...]:
+    hidden = len(found) - len(rows)
+    return (f"and {hidden} more; --json lists all",) if hidden else ()
 
 
 def compared_figures(drives: Sequence[ReportedDrive]) -> dict[str, Any]:

@@ -17,9 +17,9 @@ from rt_controller.drive.plan_view import Line, PlanView, plan_view
 from rt_controller.drive.table import Drive
 from rt_controller.report.canvas import STRONG
 
-WIDTH, HEIGHT = 800.0, 300.0
+WIDTH, HEIGHT = 800.0, 260.0
 """of the picture, in its own units"""
-UNITS_PER_M, CAR_AT = 9.0, (240.0, 150.0)
+UNITS_PER_M, CAR_AT = 9.0, (240.0, 130.0)
 """of the picture around the car, and the place of the car in it"""
 MARGIN_M = 8.0
 """around the whole drive"""

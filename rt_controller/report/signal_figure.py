@@ -136,6 +136,9 @@ def _draw_bounds(axis: "Axes", drives: Sequence["ReportedDrive"], panels: Sequen
         for sign in (1.0, -1.0) if is_signed else (1.0,):
             bound = sign * np.asarray(panel.bound)
             axis.plot(reported.drive["time_s"], bound, "--", color=BOUND, linewidth=1.0)
+    # the bound of the wheel of a slow car is so wide that nothing else would be seen
+    seen = 1.15 * max(largest, least_bound)
+    axis.set_ylim(-seen if is_signed else -0.05 * seen, seen)
 
 
 def _shade(axis: "Axes", drives: Sequence["ReportedDrive"]) -> None:

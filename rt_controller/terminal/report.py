@@ -4,9 +4,8 @@ from collections.abc import Iterable, Iterator, Sequence
 from contextlib import closing
 from dataclasses import asdict, replace
 from itertools import groupby
-from math import nan
+from math import isnan, nan
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from rich.console import Console
@@ -228,7 +227,7 @@ class _Account:
 
 
 def _quantiles(ages_ms: Sequence[float]) -> dict[str, float | None]:
-    known = [age for age in ages_ms if age == age]
+    known = [age for age in ages_ms if not isnan(age)]
     if not known:
         return {"p50": None, "max": None}
     return {"p50": float(np.median(known)), "max": max(known)}
