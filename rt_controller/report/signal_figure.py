@@ -21,6 +21,8 @@ BOUND = "#c0392b"
 SHOWN_CHECKS = 4
 FAR_BELOW = 0.2
 """of a bound: below it the bound would make a curve a flat line, and is a text"""
+LEAST_SEEN = 0.05
+"""of a bound, so that noise does not fill the panel"""
 
 
 class _Panel(NamedTuple):
@@ -71,9 +73,8 @@ def draw_signals(drives: Sequence["ReportedDrive"]) -> "Figure":
             time_s = reported.drive["time_s"]
             axis.plot(time_s, panel.values, label=reported.name, **styles[reported.name])
             if panel.wanted is not None:
-                axis.plot(
-                    time_s, panel.wanted, "--", color=FAINT, linewidth=1.2, label="wanted speed"
-                )
+                label = "wanted speed" if reported is drives[0] else "_"  # once in the legend
+                axis.plot(time_s, panel.wanted, "--", color=FAINT, linewidth=1.2, label=label)
         axis.set_ylabel(f"{panels[0].name} / {panels[0].unit}")
         _draw_bounds(axis, drives, panels)
         _shade(axis, drives)
@@ -97,7 +98,8 @@ def draw_checks(drives: Sequence["ReportedDrive"]) -> "Figure":
         axis.set_ylim(0.0, 2.0)
         axis.set_ylabel("value / threshold")
         axis.set_title(reported.name, loc="left")
-        axis.legend(loc="lower right", bbox_to_anchor=(1.0, 0.98), ncols=SHOWN_CHECKS)
+        place = (1.0, 0.98)  # above the panel
+        axis.legend(loc="lower right", bbox_to_anchor=place, ncols=SHOWN_CHECKS, frameon=False)
     axes[-1].set_xlabel("time / s")
     return figure
 
@@ -130,7 +132,7 @@ def _draw_bounds(axis: "Axes", drives: Sequence["ReportedDrive"], panels: Sequen
     if largest < FAR_BELOW * least_bound:
         text = f"largest {largest:.3g} of {least_bound:.3g} {panels[0].unit}"
         axis.set_title(text, loc="right", fontsize="small", color=BOUND, pad=2.0)
-        return
+        least_bound = LEAST_SEEN * least_bound
     is_signed = any(np.nanmin(panel.values, initial=0.0) < 0.0 for panel in panels)
     for reported, panel in zip(drives, panels, strict=True):
         for sign in (1.0, -1.0) if is_signed else (1.0,):
