@@ -37,7 +37,12 @@ class _Panel(NamedTuple):
 
 
 def _panels(reported: "ReportedDrive") -> tuple[_Panel, ...]:
-    drive, upper, rates = reported.drive, reported.upper, reported.rates_per_s
+    drive = reported.drive
+    is_driven = drive["mode"] != Mode.STANDBY
+    upper, rates = (
+        np.where(is_driven[:, None], each, np.nan)
+        for each in (reported.upper, reported.rates_per_s)
+    )
     steer, throttle, brake = InputColumn.steer_rad, InputColumn.throttle, InputColumn.brake_n
     wheel_deg = np.degrees(drive["steer_rad"])
     steps_s = np.diff(drive["time_s"], prepend=drive["time_s"][0] - PERIOD_S)
@@ -128,16 +133,19 @@ def _draw_bounds(axis: "Axes", drives: Sequence["ReportedDrive"], panels: Sequen
     if panels[0].bound is None:
         return
     largest = max(float(np.nanmax(np.abs(panel.values), initial=0.0)) for panel in panels)
-    least_bound = min(float(np.min(panel.bound)) for panel in panels if panel.bound is not None)
+    bounds = [np.asarray(panel.bound) for panel in panels]
+    least_bound = min(float(np.nanmin(each, initial=np.inf)) for each in bounds)
+    if not np.isfinite(least_bound):  # never driven
+        return
     if largest < FAR_BELOW * least_bound:
         text = f"largest {largest:.3g} of {least_bound:.3g} {panels[0].unit}"
         axis.set_title(text, loc="right", fontsize="small", color=BOUND, pad=2.0)
         least_bound = LEAST_SEEN * least_bound
     is_signed = any(np.nanmin(panel.values, initial=0.0) < 0.0 for panel in panels)
-    for reported, panel in zip(drives, panels, strict=True):
+    for reported, bound in zip(drives, bounds, strict=True):
         for sign in (1.0, -1.0) if is_signed else (1.0,):
-            bound = sign * np.asarray(panel.bound)
-            axis.plot(reported.drive["time_s"], bound, "--", color=BOUND, linewidth=1.0)
+            time_s = reported.drive["time_s"]
+            axis.plot(time_s, sign * bound, "--", color=BOUND, linewidth=1.0)
     # the bound of the wheel of a slow car is so wide that nothing else would be seen
     seen = 1.15 * max(largest, least_bound)
     axis.set_ylim(-seen if is_signed else -0.05 * seen, seen)
