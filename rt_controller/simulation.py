@@ -18,7 +18,7 @@ from rt_controller.contract.settings_errors import dotted, explain
 from rt_controller.contract.signals import StateColumn
 from rt_controller.control.low_speed import LowSpeedCar
 from rt_controller.control.mpc import Mpc
-from rt_controller.drive.scenario import DrivenScenario, LateralError, RoadLine
+from rt_controller.drive.scenario import DrivenScenario, LateralError, Outline, RoadLine
 from rt_controller.drive.table import Drive, PredictedPath
 from rt_controller.model.artifact import find_model, load_bundle
 from rt_controller.model.bundle import Bundle
@@ -91,6 +91,7 @@ def driven_scenario(car: "BridgeSession") -> DrivenScenario:
         cones=course.cones,
         lanes=course.lanes,
         road=RoadLine(s_m, road.curvature_per_m(s_m), half_width_m),
+        body=Outline(course.body.front_m, course.body.rear_m, course.body.width_m),
     )
 
 

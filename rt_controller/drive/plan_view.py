@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rt_controller.contract.arrays import Array
-from rt_controller.drive.scenario import RoadLine
+from rt_controller.drive.scenario import Outline, RoadLine
 from rt_controller.drive.table import Drive
 
 STEP_M = 0.5
@@ -109,6 +109,15 @@ def plan_view(drive: Drive) -> PlanView:
         road.poses(s_m, ey_m, epsi_rad),
         {each.tick: road.at(each.s_m, each.ey_m) for each in drive.horizons},
     )
+
+
+def corners(car: Poses, tick: int, body: Outline) -> Line:
+    """The four corners of the car in this tick."""
+    along_m = np.array([body.front_m, -body.rear_m, -body.rear_m, body.front_m])
+    left_m = 0.5 * body.width_m * np.array([1.0, 1.0, -1.0, -1.0])
+    x_m, y_m, yaw_rad = (float(each[tick]) for each in car)
+    cos, sin = np.cos(yaw_rad), np.sin(yaw_rad)
+    return Line(x_m + cos * along_m - sin * left_m, y_m + sin * along_m + cos * left_m)
 
 
 def _place_road(line: RoadLine, start_m: float) -> PlaneRoad:

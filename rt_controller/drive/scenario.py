@@ -26,6 +26,15 @@ class LaneAt(NamedTuple):
     left_m: float
 
 
+class Outline(NamedTuple):
+    """The car from above: a rectangle around its centre of gravity."""
+
+    front_m: float = 1.90
+    """from the centre of gravity to the front end"""
+    rear_m: float = 2.45
+    width_m: float = 1.80
+
+
 class RoadLine(NamedTuple):
     """The reference line of the road from behind the start to ahead of the end of the drive."""
 
@@ -48,6 +57,7 @@ class DrivenScenario(NamedTuple):
     cones: tuple[ConeAt, ...] = ()
     lanes: tuple[LaneAt, ...] = ()
     road: RoadLine | None = None
+    body: Outline = Outline()
 
 
 class LateralError(NamedTuple):

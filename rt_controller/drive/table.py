@@ -13,7 +13,7 @@ from rt_controller.contract.arrays import Array
 from rt_controller.contract.errors import ConfigError, MissingExtraError, needs_extra, require_type
 from rt_controller.contract.files import atomic_write
 from rt_controller.contract.signals import NEUTRAL_INPUT, VEHICLE, ControlInput, Mode, Signal
-from rt_controller.drive.scenario import CarFigure, DrivenScenario
+from rt_controller.drive.scenario import CarFigure, DrivenScenario, Outline
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -89,6 +89,11 @@ class Drive:
         if self.true_poses is not None:
             return self.true_poses
         return np.stack([filled(self[name]) for name in ("s_m", "ey_m", "epsi_rad")], axis=1)
+
+    @property
+    def body(self) -> Outline:
+        """Of the scenario; on a real bus that of an ordinary car."""
+        return Outline() if self.scenario is None else self.scenario.body
 
     @property
     def columns(self) -> tuple[str, ...]:

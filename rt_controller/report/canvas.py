@@ -10,6 +10,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter, NullLocator
 
+PAGE_IN = 10.4
+"""width of a page"""
 INK, FAINT = "#1f2933", "#8a97a5"
 STRONG = ("#2f6fb3", "#d9822b", "#3c9d6b", "#7b5ea7", "#c0392b", "#4b9fb5")
 _MUTED = ("#7b8794", "#c08552", "#4f9d86", "#9b7bb8", "#c9736b", "#5b86a8")
@@ -60,9 +62,24 @@ def empty_figure(
 ) -> tuple[Figure, list[Axes]]:
     """A figure as wide as the page, and its panels row by row."""
     with matplotlib.rc_context(_STYLE):
-        figure = PageFigure(figsize=(10.4, height_in), layout="constrained")
+        figure = PageFigure(figsize=(PAGE_IN, height_in), layout="constrained")
         grid = figure.subplots(rows, columns, sharex=sharex, sharey=sharey, squeeze=False)
     return figure, list(grid.ravel())
+
+
+def figure_under_head(
+    rows: int, head_in: float, height_in: float
+) -> tuple[Figure, Axes, list[Axes]]:
+    """A figure as wide as the page: a panel of this height, and rows with one x axis below it."""
+    with matplotlib.rc_context(_STYLE):
+        figure = PageFigure(figsize=(PAGE_IN, head_in + height_in), layout="constrained")
+        ratios = [head_in, *[height_in / rows] * rows]
+        grid = figure.add_gridspec(rows + 1, 1, height_ratios=ratios)
+        head, first = figure.add_subplot(grid[0]), figure.add_subplot(grid[1])
+        others = [figure.add_subplot(grid[2 + k], sharex=first) for k in range(rows - 1)]
+    for axes in (first, *others[:-1]):
+        axes.tick_params(labelbottom=False)
+    return figure, head, [first, *others]
 
 
 def set_log_scale(axes: Axes, which: Literal["x", "y"]) -> None:
@@ -88,6 +105,13 @@ def add_legend(figure: Figure, axes: Axes) -> None:
     handles, labels = axes.get_legend_handles_labels()
     figure.legend(
         handles, labels, loc="outside upper left", ncols=min(4, len(labels)), frameon=False
+    )
+
+
+def add_legend_above(axes: Axes) -> None:
+    """Add the legend of one panel above it, where no curve is."""
+    axes.legend(
+        loc="lower right", bbox_to_anchor=(1.0, 0.98), ncols=5, borderaxespad=0.0, frameon=False
     )
 
 

@@ -8,6 +8,7 @@ import numpy as np
 from rt_controller.contract.errors import ConfigError, needs_extra
 from rt_controller.contract.files import atomic_write
 from rt_controller.contract.signals import Mode
+from rt_controller.drive.plan_view import plan_view
 from rt_controller.drive.scenario import DrivenScenario
 from rt_controller.drive.table import Drive
 
@@ -39,7 +40,7 @@ def require_figure_file(file: Path) -> None:
 
 
 def draw_drive(drive: Drive, file: Path | None = None) -> "Figure":
-    """Lateral position and path, lateral error, steering wheel, pedals, speed over time.
+    """The drive from above; over time: lateral position, its error, steering wheel, pedals, speed.
 
     Ticks in which the plan was held or the car was stopped are shaded.
 
@@ -50,9 +51,12 @@ def draw_drive(drive: Drive, file: Path | None = None) -> "Figure":
     if file is not None:
         require_figure_file(file)
     with needs_extra("report", "A figure"):
-        from rt_controller.report.canvas import FAINT, empty_figure
+        from rt_controller.report.above import draw_above, head_height_in
+        from rt_controller.report.canvas import FAINT, add_legend_above, figure_under_head
 
-    figure, axes = empty_figure(6, 1, 10.0, sharex=True)
+    view = plan_view(drive)
+    figure, above, axes = figure_under_head(6, head_height_in([view]), 10.0)
+    draw_above(above, drive, view)
     position, error, wheel, throttle, brake, speed = axes
     t = drive["time_s"]
     if drive.scenario is not None:
@@ -77,8 +81,8 @@ def draw_drive(drive: Drive, file: Path | None = None) -> "Figure":
         axis.fill_between(
             t, 0.0, 1.0, where=is_degraded, transform=whole_height, alpha=0.15, color="red"
         )
-    for axis in (position, speed):  # above the panel, where no curve is
-        axis.legend(loc="lower right", bbox_to_anchor=(1.0, 0.98), ncols=4, borderaxespad=0.0)
+    add_legend_above(position)
+    add_legend_above(speed)
     figure.align_ylabels(axes)
     speed.set_xlabel("time / s")
     name = "" if drive.scenario is None else f"{drive.scenario.name}, "
