@@ -7,13 +7,13 @@ cars by the tables that are embedded beside it.
 import json
 from collections.abc import Iterator, Sequence
 from html import escape
-from itertools import cycle
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from rt_controller.contract.arrays import Array
 from rt_controller.drive.plan_view import Line, PlanView, plan_view
+from rt_controller.drive.scenario import Outline
 from rt_controller.drive.table import Drive
 from rt_controller.report.canvas import STRONG
 
@@ -23,8 +23,6 @@ UNITS_PER_M, CAR_AT = 9.0, (240.0, 130.0)
 """of the picture around the car, and the place of the car in it"""
 MARGIN_M = 8.0
 """around the whole drive"""
-LENGTH_M, WIDTH_M = 4.6, 1.8
-"""of the car that is drawn"""
 CONE_M = 0.3
 DIGITS = 2
 """of places in m: 1 cm"""
@@ -55,8 +53,9 @@ def draw_player(drives: Sequence[tuple[str, Drive]]) -> Player:
     whole = _whole(views)
     world = _around(tables[0], _row(tables[0], start_s))
     shapes = [shape for view in views[:1] for shape in _road(view)]
-    for table, view, color in zip(tables, views, cycle(STRONG), strict=False):
-        shapes += _car(table, view, _row(table, start_s), color)
+    for number, (table, view) in enumerate(zip(tables, views, strict=True)):
+        _, drive = drives[number]
+        shapes += _car(table, drive.body, view, _row(table, start_s), legend[number][1])
     svg = (
         f'<svg viewBox="0 0 {WIDTH:.0f} {HEIGHT:.0f}" role="img" '
         f'aria-label="The drive from above"><g class="world" transform="{world}">'
@@ -147,18 +146,21 @@ def _road(view: PlanView) -> Iterator[str]:
         yield f'<circle class="cone" cx="{x:.{DIGITS}f}" cy="{y:.{DIGITS}f}" r="{CONE_M}"/>'
 
 
-def _car(table: dict[str, Any], view: PlanView, row: int, color: str) -> Iterator[str]:
+def _car(
+    table: dict[str, Any], body: Outline, view: PlanView, row: int, color: str
+) -> Iterator[str]:
     """The way that the car has come, its prediction and itself, as the script finds them."""
     way = Line(view.car.x_m[: row + 1], view.car.y_m[: row + 1])
-    horizon = next(
-        (table["horizons"][k] for k in range(row, row - 4, -1) if k in table["horizons"]), ""
-    )
+    recent = (table["horizons"].get(k, "") for k in range(row, row - 4, -1))
+    horizon = next(filter(None, recent), "")
     x, y, yaw_deg = (table[key][row] for key in ("x", "y", "yaw_deg"))
+    front, rear, side = body.front_m, body.rear_m, 0.5 * body.width_m
+    shoulder = front - 0.2 * (front + rear)
+    corners = (-rear, -side), (shoulder, -side), (front, 0.0), (shoulder, side), (-rear, side)
     yield f'<g class="drive" style="color:{color}"><title>{escape(table["name"])}</title>'
     yield f'<polyline class="trail" points="{_points(way)}"/>'
     yield f'<polyline class="horizon" points="{horizon}"/>'
     yield (
-        f'<path class="car" transform="translate({x:g} {y:g}) rotate({yaw_deg:g})" '
-        f'd="M{-LENGTH_M / 2:g} {-WIDTH_M / 2:g}h{0.8 * LENGTH_M:g}l{0.2 * LENGTH_M:g} '
-        f'{WIDTH_M / 2:g}l{-0.2 * LENGTH_M:g} {WIDTH_M / 2:g}h{-0.8 * LENGTH_M:g}z"/></g>'
+        f'<polygon class="car" transform="translate({x:g} {y:g}) rotate({yaw_deg:g})" '
+        f'points="{" ".join(f"{along:.2f},{left:.2f}" for along, left in corners)}"/></g>'
     )
