@@ -103,8 +103,9 @@ def draw_checks(drives: Sequence["ReportedDrive"]) -> "Figure":
         axis.set_ylim(0.0, 2.0)
         axis.set_ylabel("value / threshold")
         axis.set_title(reported.name, loc="left")
-        place = (1.0, 0.98)  # above the panel
-        axis.legend(loc="lower right", bbox_to_anchor=place, ncols=SHOWN_CHECKS, frameon=False)
+        if closest:  # a car that was never driven has none
+            place = (1.0, 0.98)  # above the panel
+            axis.legend(loc="lower right", bbox_to_anchor=place, ncols=SHOWN_CHECKS, frameon=False)
     axes[-1].set_xlabel("time / s")
     return figure
 
