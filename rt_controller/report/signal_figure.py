@@ -117,7 +117,7 @@ def draw_times(drives: Sequence["ReportedDrive"]) -> "Figure":
     largest_us = max(float(np.max(each.times_us["step_us"])) for each in drives)
     for reported in drives:
         step_us, color = reported.times_us["step_us"], styles[reported.name]["color"]
-        edges = np.linspace(0.0, largest_us, 60)
+        edges = np.linspace(0.0, largest_us, 60).tolist()
         histogram.hist(step_us, edges, color=color, alpha=0.6, label=reported.name)
         course.plot(reported.drive["time_s"], step_us, color=color, linewidth=0.8)
     histogram.set_yscale("log")

@@ -141,7 +141,7 @@ class _Account:
             drive=replace(drive, stop_tick=record.stop_tick, horizons=tuple(horizons)),
             headline=tuple(self._headline()),
             notes=tuple(notes),
-            events=tuple(_events(self._ticks, drive["time_s"])),
+            events=tuple(_events(self._ticks, drive["time_s"].tolist())),
             upper=np.array([tick.limits.upper for tick in self._ticks]),
             rates_per_s=np.array([tick.limits.rate_per_s for tick in self._ticks]),
             checks=tuple(self._checks()),
