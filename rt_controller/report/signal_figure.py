@@ -156,7 +156,8 @@ def _shade(axis: "Axes", drives: Sequence["ReportedDrive"]) -> None:
     """Mark when the plan was held or the car was stopped, of two drives one above the other."""
     whole_height = axis.get_xaxis_transform()
     for number, reported in enumerate(drives):
-        is_degraded = [mode in (Mode.HOLD_PLAN, Mode.SAFE_STOP) for mode in reported.drive.modes]
+        is_degraded = np.isin(reported.drive["mode"], (Mode.HOLD_PLAN, Mode.SAFE_STOP))
+        is_degraded[1:] |= is_degraded[:-1]  # each lasts until the next tick
         top, bottom = 1.0 - number / len(drives), 1.0 - (number + 1) / len(drives)
         axis.fill_between(
             reported.drive["time_s"], bottom, top, where=is_degraded, transform=whole_height,
