@@ -286,6 +286,45 @@ def compare(
     )
 
 
+@app.command
+def report(
+    log: Path,
+    second: Path | None = None,
+    *,
+    output: Path | None = None,
+    model: str | Path | None = None,
+    overwrite: bool = False,
+    json_file: Annotated[Path | None, Parameter(name="--json")] = None,
+    quiet: bool = False,
+) -> int:
+    """Write a page about a recorded drive, or about two side by side: a HTML file of its own.
+
+    What happened, why, and what to do; the drive from above, signals and checks against their
+    bounds, times of the steps, faults.
+
+    Parameters
+    ----------
+    log
+        log that --record wrote, with its .journal beside it
+    second
+        a log to compare it with
+    output
+        file of the page; default: the name of the log with .html
+    model
+        another model; default: the recorded one
+    overwrite
+        replace an existing page
+    json_file
+        write the figures to this JSON file
+    quiet
+        no progress on stderr
+    """
+    from rt_controller.terminal.report import report_at_terminal
+
+    logs = [log] if second is None else [log, second]
+    return report_at_terminal(logs, model, output, json_file, overwrite, quiet)
+
+
 @app.meta.default
 def _with_config_file(
     *tokens: Annotated[str, Parameter(show=False, allow_leading_hyphen=True)],

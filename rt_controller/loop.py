@@ -172,7 +172,7 @@ def run_loop(
     Whatever happens, the last frame that is sent is a safe command, or has released the car.
     """
     timer = TickTimer(clock, record.deadlines, kernel_counters)
-    end = _EndConditions(record, waits_for_missions)
+    end = EndConditions(record, waits_for_missions)
     is_released = False
     try:
         while not request.is_urgent:
@@ -200,7 +200,7 @@ def run_loop(
             step.send_safe_command()
 
 
-class _EndConditions:
+class EndConditions:
     """Decides after each step whether the run is over, and writes into the record how it ended."""
 
     def __init__(self, record: RunRecord, waits_for_missions: bool) -> None:

@@ -107,6 +107,16 @@ def finished_drive(
     )
 
 
+def predicted_path(planner: Planner, tick: int) -> list[PredictedPath]:
+    """Where the plan of this tick takes the car, counted from it; only of every fourth tick."""
+    states = planner.predicted_states() if tick % TICKS_PER_HORIZON == 0 else None
+    if states is None:
+        return []
+    moved_m, ey_m = states[:, StateColumn.ds_m], states[:, StateColumn.ey_m]
+    begin_m = (planner.periods_under_way - 1) * moved_m[0]
+    return [PredictedPath(tick, begin_m + np.cumsum(moved_m), ey_m)]
+
+
 def record_predictions(
     session: ControllerSession,
     after_tick: Callable[[ControllerSession], None] = lambda session: None,
@@ -118,12 +128,7 @@ def record_predictions(
     planner, horizons = session.planner, list[PredictedPath]()
 
     def observe(session: ControllerSession) -> None:
-        tick = session.record.trace.last_tick
-        states = planner.predicted_states() if tick % TICKS_PER_HORIZON == 0 else None
-        if states is not None:
-            moved_m, ey_m = states[:, StateColumn.ds_m], states[:, StateColumn.ey_m]
-            begin_m = (planner.periods_under_way - 1) * moved_m[0]
-            horizons.append(PredictedPath(tick, begin_m + np.cumsum(moved_m), ey_m))
+        horizons.extend(predicted_path(planner, session.record.trace.last_tick))
         after_tick(session)
 
     session.observe = observe

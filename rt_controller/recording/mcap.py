@@ -32,6 +32,7 @@ _UNITS = {
     **VEHICLE.units,
     **dict(zip(PathReference._fields, ("m", "1", "1/m", "1/m^2", "m/s", "m/s^2"), strict=True)),
     "time_s": "s",
+    "lateral_error_m": "m",
 }
 
 
@@ -109,7 +110,9 @@ class McapFile:
         self._log(f"/can/{message.name}", stamp_ns, numbers, units)
 
     def _add_tick(self, record: TickRecord, result: Tick) -> None:
-        began_ns = record.began_ns
+        began_ns, lateral_error_m = record.began_ns, None
+        if result.state is not None and result.path is not None:
+            lateral_error_m = result.state.ey_m - result.path.c0_m
         if result.state is not None:
             state = result.state._asdict()
             self._log("/state", began_ns, {**state, "curvature_per_m": result.curvature_per_m})
@@ -123,6 +126,7 @@ class McapFile:
             "why": result.cause.value,
             "faults": [fault.name for fault in Fault(result.faults)],
             **result.control._asdict(),
+            "lateral_error_m": lateral_error_m,
             "sent_after_us": record.sent_after_us,
             "late_cause": record.late_cause,
             "skipped_ticks": record.skipped,

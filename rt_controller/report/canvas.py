@@ -13,7 +13,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter, NullLoca
 PAGE_IN = 10.4
 """width of a page"""
 INK, FAINT, GRID = "#1f2933", "#8a97a5", "#e4e9ee"
-_STRONG = ("#2f6fb3", "#d9822b", "#3c9d6b", "#7b5ea7", "#c0392b", "#4b9fb5")
+STRONG = ("#2f6fb3", "#d9822b", "#3c9d6b", "#7b5ea7", "#c0392b", "#4b9fb5")
 _MUTED = ("#7b8794", "#c08552", "#4f9d86", "#9b7bb8", "#c9736b", "#5b86a8")
 _DASHES = ("--", ":", "-.", (0, (5, 1, 1, 1, 1, 1)))
 
@@ -40,7 +40,7 @@ def line_styles(main: Sequence[str], others: Sequence[str]) -> dict[str, dict[st
     """Arguments of `Axes.plot` by name: strong colours for `main`, muted and dashed `others`."""
     strong = {
         name: {"color": color, "linestyle": "-", "linewidth": 1.8}
-        for name, color in zip(main, cycle(_STRONG), strict=False)
+        for name, color in zip(main, cycle(STRONG), strict=False)
     }
     return strong | {
         name: {"color": color, "linestyle": dashes, "linewidth": 1.3}

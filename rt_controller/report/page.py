@@ -1,6 +1,7 @@
 """One HTML page for all reports: sections of text, tables and plots in a single file.
 
-The page loads nothing from the network and has no script; plots are part of it as SVG.
+The page loads nothing from the network; plots are part of it as SVG. Only a `Player` has a script,
+and is a still picture without it.
 
     page = Page("Acceptance of the car", (
         Section("Braking", ("150 N at the pedal.", table, Plot(figure, "Speed."))),
@@ -12,6 +13,7 @@ import re
 from typing import Any, NamedTuple
 
 from rt_controller.contract.errors import require_packages
+from rt_controller.report.player import Player
 from rt_controller.report.table import Table
 
 NEEDED = ("jinja2", "matplotlib")
@@ -25,7 +27,7 @@ class Plot(NamedTuple):
     caption: str = ""
 
 
-Part = str | Table | Plot
+Part = str | Table | Plot | Player
 """a string is a paragraph of plain text; all texts are escaped"""
 
 

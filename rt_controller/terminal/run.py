@@ -149,7 +149,7 @@ def _write(
         print_error(PROGRAM, f"the car's plant failed: {plant_failure}")
     error = None if car is None else car_error(car)
     braking, console = _vehicle_braking(session, car), Console()
-    for sentence in (verdict(session, error, braking), *fault_sentences(session.record)):
+    for sentence in (verdict(session.record, error, braking), *fault_sentences(session.record)):
         console.print(sentence, highlight=False, markup=False, soft_wrap=True)
     print_table(to_table(session, error, braking, options.verbose), console)
     if figures:

@@ -60,33 +60,15 @@ def to_json(session: ControllerSession, car: LateralError | None = None) -> dict
 
     `car` is the true lateral error, of a simulated car in this process.
     """
-    record, deadlines = session.record, session.record.deadlines
     condition = session.inbox.condition
     return {
-        **record.trace.errors()._asdict(),
-        "errors_as_received": has_rejected_states(record),
+        **record_to_json(session.record),
         "car_ey_rms_m": car and car.rms_m,
         "car_ey_peak_m": car and car.peak_m,
-        "at_limit_s": record.trace.at_limit_s()._asdict(),
-        "ticks": deadlines.ticks,
-        "deadline_misses": deadlines.deadline_misses,
-        "skipped_ticks": deadlines.skipped_ticks,
-        "final_mode": record.result.mode.name,
-        "ending": record.ending.name,
-        "stop_cause": record.result.cause.name,
-        "stop_tick": record.stop_tick,
-        "stop_s": record.stop_s,
         "stop_checks": [each._asdict() for each in failed_checks(session)],
         "scheduler": session.guarantees.scheduler,
         "memory_locked": session.guarantees.memory_locked,
         "model": session.planner.name,
-        "misses_by_cause": {cause.name: n for cause, n in deadlines.misses_by_cause.items() if n},
-        "worst_tick": None
-        if deadlines.worst is None
-        else {**deadlines.worst._asdict(), "cause": deadlines.worst.cause.name},
-        **{field: deadlines.percentiles(field)._asdict() for field in TickTimes._fields},
-        "ticks_by_fault": {fault.name: n for fault, n in record.ticks_by_fault.items() if n},
-        "outside_training": record.excess and record.excess.text,
         "frames_received": asdict(session.inbox.counts),
         "frames_sent": session.outbox.sent,
         "send_failures": session.outbox.send_failures,
@@ -96,9 +78,34 @@ def to_json(session: ControllerSession, car: LateralError | None = None) -> dict
     }
 
 
-def verdict(session: ControllerSession, car: LateralError | None = None, braking: str = "") -> str:
+def record_to_json(record: RunRecord) -> dict[str, Any]:
+    """The part of the summary that a recorded drive has too."""
+    deadlines = record.deadlines
+    return {
+        **record.trace.errors()._asdict(),
+        "errors_as_received": has_rejected_states(record),
+        "at_limit_s": record.trace.at_limit_s()._asdict(),
+        "ticks": deadlines.ticks,
+        "deadline_misses": deadlines.deadline_misses,
+        "skipped_ticks": deadlines.skipped_ticks,
+        "final_mode": record.result.mode.name,
+        "ending": record.ending.name,
+        "stop_cause": record.result.cause.name,
+        "stop_tick": record.stop_tick,
+        "stop_s": record.stop_s,
+        "misses_by_cause": {cause.name: n for cause, n in deadlines.misses_by_cause.items() if n},
+        "worst_tick": None
+        if deadlines.worst is None
+        else {**deadlines.worst._asdict(), "cause": deadlines.worst.cause.name},
+        **{field: deadlines.percentiles(field)._asdict() for field in TickTimes._fields},
+        "ticks_by_fault": {fault.name: n for fault, n in record.ticks_by_fault.items() if n},
+        "outside_training": record.excess and record.excess.text,
+    }
+
+
+def verdict(record: RunRecord, car: LateralError | None = None, braking: str = "") -> str:
     """How the drive went, in one sentence; `car` and `braking` are those of `to_table`."""
-    record, deadlines = session.record, session.record.deadlines
+    deadlines = record.deadlines
     speed_mps = record.result.estimate.speed_mps
     if deadlines.ticks == 0:
         return "Nothing was driven: the drive ended before the first tick."

@@ -15,6 +15,7 @@ from rt_controller.cli import app  # noqa: E402
 from rt_controller.contract.errors import ConfigError  # noqa: E402
 
 Messages = dict[str, list[tuple[int, dict[str, Any]]]]
+LAYOUT = Path(__file__).parents[2] / "deploy" / "foxglove-layout.json"
 TYPES = {"number": (int, float), "string": str}
 
 
@@ -92,3 +93,18 @@ def test_a_full_disk_is_reported(recorded, tmp_path, capfd):
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, before)
     assert "full.mcap: expected room for the file, found File too large" in capfd.readouterr().err
+
+
+def test_the_layout_for_foxglove_names_only_what_the_file_has(recorded, tmp_path):
+    path = tmp_path / "run.mcap"
+    convert(recorded[0], path)
+    _, schemas = read(path)
+    layout = json.loads(LAYOUT.read_text())
+    panels = layout["configById"]
+    shown = [each["value"] for panel in panels.values() for each in panel.get("paths", ())]
+    for name in shown:
+        topic, field = name.split(".")
+        assert field in schemas[topic], name
+    assert {panel["topicPath"] for panel in panels.values() if "topicPath" in panel} <= {*schemas}
+    assert len(shown) > 10
+    assert all(f'"{panel}"' in json.dumps(layout["layout"]) for panel in panels)

@@ -119,7 +119,7 @@ OVER = Ending.MISSION_OVER
 def test_the_verdict_is_one_sentence_about_the_drive(results, ending, braking, expected):
     session = session_with(*results)
     session.record.ending = ending
-    assert re.search(f"{expected}$", verdict(session, TRUE, braking))
+    assert re.search(f"{expected}$", verdict(session.record, TRUE, braking))
 
 
 def test_every_fault_that_occurred_is_explained_in_a_sentence():

@@ -1,0 +1,252 @@
+"""`rt-controller report LOG`: a page about a whole recorded drive, or about two side by side."""
+
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import closing
+from dataclasses import asdict, replace
+from itertools import groupby
+from math import isnan, nan
+from pathlib import Path
+
+import numpy as np
+from rich.console import Console
+from threadpoolctl import threadpool_limits
+
+from rt_controller.bus.messages import STATE
+from rt_controller.contract.errors import ConfigError, OutputError
+from rt_controller.contract.faults import FAULT_SENTENCES, Fault
+from rt_controller.contract.figures import require_writable, write_figures
+from rt_controller.contract.files import write_text
+from rt_controller.contract.signals import Mode
+from rt_controller.contract.timing import PERIOD_S
+from rt_controller.drive.table import PredictedPath
+from rt_controller.drive.trace import DriveTrace
+from rt_controller.loop import EndConditions, Ending, RunRecord
+from rt_controller.realtime.timing import DeadlineAccount, LateCause, TickTimes
+from rt_controller.recording.replay import (
+    RecordedDrive,
+    Replay,
+    ReplayedTick,
+    differences,
+    read_recorded_drive,
+)
+from rt_controller.report.drive_page import (
+    CheckedQuantity,
+    Event,
+    ReportedDrive,
+    compared_figures,
+    drive_page,
+)
+from rt_controller.report.page import render_page, require_report_extra
+from rt_controller.safety.tick import Tick
+from rt_controller.simulation import predicted_path
+from rt_controller.terminal.progress import announce
+from rt_controller.terminal.stop_message import (
+    VEHICLE_KNOWS,
+    Margin,
+    exceeded,
+    explain_stop,
+    plausibility_margins,
+)
+from rt_controller.terminal.summary import fault_sentences, record_to_json, verdict, why_late
+
+
+def report_at_terminal(
+    logs: Sequence[Path],
+    model: str | Path | None,
+    output: Path | None,
+    json_file: Path | None,
+    overwrite: bool,
+    is_quiet: bool,
+) -> int:
+    """Write the page about one or two logs, print its headline; the exit code of the program."""
+    require_report_extra("rt-controller report")
+    page_file = logs[0].with_suffix(".html") if output is None else output
+    require_writable(page_file, "--output")
+    require_writable(json_file)
+    if page_file.exists() and not overwrite:
+        raise ConfigError(
+            f"{page_file}: expected no page of that name yet, found one, which is left as it is. "
+            f"Name another file with --output; --overwrite replaces it."
+        )
+    drives = []
+    for log in logs:
+        with announce(f"replaying {log}", is_quiet), threadpool_limits(1, "blas"):
+            recorded = read_recorded_drive(log)
+            with closing(Replay(recorded, model)) as replay:
+                drives.append(_Account(recorded, replay).reported())
+    with announce("drawing", is_quiet):
+        text = render_page(drive_page(drives))
+    try:
+        write_text(page_file, text)
+    except OSError as error:
+        raise OutputError(
+            f"--output {page_file}: expected room for the page, found {error.strerror}. Free some "
+            f"space, or choose another folder."
+        ) from error
+    for drive in drives:
+        named = f"{drive.name}: " if len(drives) > 1 else ""
+        Console().print(named + drive.headline[0], highlight=False, markup=False, soft_wrap=True)
+    print(f"{page_file}, {len(text.encode()) / 1e6:.1f} MB")
+    write_figures(json_file, compared_figures(drives))
+    return 0
+
+
+class _Account:
+    """What is collected while a drive is replayed.
+
+    Mode, cause, command and faults are those of the journal, also where this program computes
+    others; the values of the checks and the predictions are computed again.
+    """
+
+    def __init__(self, recorded: RecordedDrive, replay: Replay) -> None:
+        self._recorded, self._replay = recorded, replay
+        n_ticks = len(recorded.driven)
+        if n_ticks == 0:
+            raise ConfigError(
+                f"{recorded.path}: expected a drive, found no tick in its journal: it ended before "
+                f"the first one. Choose another log."
+            )
+        deadline_ns = round(1e6 * replay.config.realtime.deadline_ms)
+        self._record = RunRecord(DeadlineAccount(n_ticks, deadline_ns), DriveTrace(n_ticks))
+        self._ticks: list[Tick] = []
+        self._values: list[list[float]] = []
+        self._failed: list[Margin] = []
+        """checks beyond their limit when the last safe stop began"""
+        self._ages_ms: list[float] = []
+        self._horizons: list[PredictedPath] = []
+        self._differing = 0
+
+    def reported(self) -> ReportedDrive:
+        """Replay the drive; the plain data of its page."""
+        record, end, is_over = self._record, EndConditions(self._record, False), False
+        for tick in self._replay.ticks():
+            if tick.recorded.tick >= 0:
+                self._add(tick)
+                is_stopping = any(call.name == "request_stop" for call in tick.recorded.calls)
+                is_over = end.are_met(record.result, is_stopping)
+        notes = list(self._notes())
+        if not is_over and record.result.mode is not Mode.STANDBY:
+            calls = self._recorded.ticks[-1].calls
+            if any(call.name == "send_safe_command" for call in calls):
+                record.ending = Ending.ENDED_AT_ONCE
+            else:
+                notes.insert(0, "The log ends while the car is driven: the rest was not recorded.")
+        header, path = self._recorded.header, self._recorded.path
+        drive = record.trace.drive(header.model["name"], record.ending.value)
+        places = drive["s_m"]
+        horizons = (each._replace(s_m=each.s_m + places[each.tick]) for each in self._horizons)
+        times_us = record.deadlines.last().T
+        return ReportedDrive(
+            name=path.name,
+            drive=replace(drive, stop_tick=record.stop_tick, horizons=tuple(horizons)),
+            headline=tuple(self._headline()),
+            notes=tuple(notes),
+            events=tuple(_events(self._ticks, drive["time_s"].tolist())),
+            upper=np.array([tick.limits.upper for tick in self._ticks]),
+            rates_per_s=np.array([tick.limits.rate_per_s for tick in self._ticks]),
+            checks=tuple(self._checks()),
+            times_us=dict(zip(TickTimes._fields, times_us, strict=True)),
+            state_age_ms=np.array(self._ages_ms),
+            figures={
+                "log": str(path),
+                "model": header.model,
+                "recorded_with": header.packages,
+                "ticks_with_other_command": self._differing,
+                **record_to_json(record),
+                "stop_checks": [each._asdict() for each in self._failed],
+                "log_frames_dropped": self._recorded.driven[-1].dropped,
+                "state_age_ms": _quantiles(self._ages_ms),
+                "frames_received": asdict(self._replay.node.inbox.counts),
+            },
+        )
+
+    def _add(self, tick: ReplayedTick) -> None:
+        then, node, record = tick.recorded, self._replay.node, self._record
+        self._differing += bool(differences(tick))
+        result = replace(tick.result, mode=then.mode, cause=then.cause, faults=Fault(then.faults))
+        if then.control is not None:
+            result = replace(result, control=then.control)
+        times = TickTimes(*(then.times.get(name, 0.0) for name in TickTimes._fields))
+        cause = next((each for each in LateCause if each.value == then.late_cause), None)
+        record.deadlines.record(times, then.skipped, round(1e3 * then.sent_after_us), cause)
+        record.add(result, then.scheduled_ns)
+        number, values = record.trace.last_tick, list(node.supervisor.values)
+        if number == record.stop_tick:
+            failed = exceeded(plausibility_margins(values, node.supervisor.checks))
+            self._failed = failed if result.cause.is_of_checks else []
+        self._horizons += predicted_path(self._replay.planner, number)
+        age_ns = node.step.state_age_ns(then.began_ns)
+        self._ages_ms.append(nan if age_ns is None else age_ns * 1e-6)
+        self._values.append(values)
+        self._ticks.append(result)
+
+    def _headline(self) -> Iterator[str]:
+        """What happened, then when, why and what to do, as the summary of a drive says it."""
+        record, inbox = self._record, self._replay.node.inbox
+        state = inbox.newest(STATE)
+        is_braking = state is not None and state.content.is_watchdog_braking
+        braking = VEHICLE_KNOWS if is_braking else ""
+        yield verdict(record, braking=braking)
+        cause, bus_fault = record.result.cause, record.result.bus_fault
+        if record.ending is Ending.SAFE_STOPPED:
+            why = explain_stop(cause, inbox, (), bus_fault, self._failed, braking)
+            yield f"Safe stop at {record.stop_s:.3f} s (tick {record.stop_tick}): {why}"
+        yield from fault_sentences(record)
+        if record.deadlines.deadline_misses:
+            yield f"Late: {why_late(record.deadlines)}."
+
+    def _notes(self) -> Iterator[str]:
+        """What limits the page."""
+        changed = self._recorded.header.changed_versions()
+        if changed:
+            yield f"Recorded by other versions: {', '.join(changed)}."
+        if self._differing:
+            yield (
+                f"This program computes another command in {self._differing} ticks. Commands, "
+                f"modes and faults of this page are those of the journal; values of the checks "
+                f"and predictions are computed again and may differ from those of the drive. Use "
+                f"the version that recorded it to see what happened."
+            )
+        missing_from = self._recorded.incomplete_from
+        if missing_from is not None:
+            yield (
+                f"Frames are missing in the log from tick {missing_from} on: the queue or the disk "
+                f"was full. What is computed again from there on may differ; record to a disk "
+                f"with more room."
+            )
+
+    def _checks(self) -> Iterator[CheckedQuantity]:
+        driven = [tick.mode is not Mode.STANDBY for tick in self._ticks]
+        values = np.where(np.array(driven)[:, None], np.array(self._values), nan)
+        for check in self._replay.node.supervisor.checks:
+            name, unit = check.name, check.quantity.unit
+            of_check = values[:, check.quantity]
+            yield CheckedQuantity(name, unit, check.threshold, check.window_ticks, of_check)
+
+
+def _quantiles(ages_ms: Sequence[float]) -> dict[str, float | None]:
+    known = [age for age in ages_ms if not isnan(age)]
+    if not known:
+        return {"p50": None, "max": None}
+    return {"p50": float(np.median(known)), "max": max(known)}
+
+
+def _events(ticks: Sequence[Tick], times_s: Sequence[float]) -> list[Event]:
+    """When the plan was held, the car was stopped, and each bit of the heartbeat was set."""
+    found = list[Event]()
+
+    def add(name: str, why: str, is_set: Iterable[bool]) -> None:
+        first = 0
+        for value, group in groupby(is_set):
+            n_ticks = len(list(group))
+            if value:
+                until_s = times_s[first + n_ticks - 1] + PERIOD_S
+                found.append(Event(name, why, times_s[first], until_s, n_ticks))
+            first += n_ticks
+
+    degraded = [(t.mode, t.cause) for t in ticks if t.mode in (Mode.HOLD_PLAN, Mode.SAFE_STOP)]
+    for mode, cause in dict.fromkeys(degraded):
+        add(mode.name, cause.value, ((t.mode, t.cause) == (mode, cause) for t in ticks))
+    for fault, sentence in FAULT_SENTENCES.items():
+        add(f"{fault.name}", sentence, (fault in t.faults for t in ticks))
+    return sorted(found, key=lambda event: event.begin_s)
