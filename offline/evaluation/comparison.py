@@ -9,16 +9,8 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from offline.evaluation.bootstrap import (
-    CONFIDENCE,
-    RESAMPLES,
-    SEED,
-    Estimate,
-    estimate,
-    mean_draws,
-)
+from offline.evaluation.bootstrap import CONFIDENCE, RESAMPLES, SEED, Estimate, estimate, mean_draws
 from offline.evaluation.metrics import (
     StateUnit,
     absolute_errors,
@@ -39,7 +31,7 @@ LTI_BASELINES = ("lti", "lti-per-curvature")
 
 
 class Row(NamedTuple):
-    """Error of one model in one state on one part."""
+    """Error of one model in one state on one part; low and high are the ends of an interval."""
 
     part: str
     model: str
@@ -49,43 +41,20 @@ class Row(NamedTuple):
     trajectories: int
     diverged: int
     """trajectories with a prediction that is not finite"""
-    mse: Estimate
+    mse: float
     """in the square of `unit`, over all steps and trajectories. Paper: Table I"""
-    over_reference: Estimate
+    mse_low: float
+    mse_high: float
+    rms: float
+    """in `unit`, the root of `mse`"""
+    over_reference: float
     """MSE over that of the reference model on the same part"""
-    over_library: Estimate
+    over_reference_low: float
+    over_reference_high: float
+    over_library: float
     """MSE over that of the same model on the library"""
-
-    @property
-    def rms(self) -> Estimate:
-        """Root of the MSE, in `unit`."""
-        return Estimate(*np.sqrt(self.mse))
-
-    def record(self) -> dict[str, Any]:
-        """The row with one key for each number, for JSON."""
-        return {
-            **self._asdict(),
-            **_keyed("mse", self.mse),
-            "rms": float(self.rms.value),
-            **_keyed("over_reference", self.over_reference),
-            **_keyed("over_library", self.over_library),
-        }
-
-
-class _Errors(NamedTuple):
-    """Of N trajectories."""
-
-    mse: Array
-    """(N, n) over the steps; infinite where a prediction is not finite"""
-    diverged: NDArray[np.bool_]
-    """(N,)"""
-
-    def take(self, rows: NDArray[np.bool_]) -> "_Errors":
-        return _Errors(self.mse[rows], self.diverged[rows])
-
-    @property
-    def n_diverged(self) -> int:
-        return int(np.count_nonzero(self.diverged))
+    over_library_low: float
+    over_library_high: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,27 +79,21 @@ class Comparison:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """All models, then all baselines."""
+        """All models, then all baselines; the first is the reference."""
         return self.models + self.baselines
-
-    @property
-    def reference(self) -> str:
-        """The model that the errors of the others are divided by."""
-        return self.names[0]
 
     @property
     def library(self) -> dict[str, tuple[Row, ...]]:
         """The rows of the library by model, also of `FAIR_LTI`."""
-        return {
-            model: rows for (part, model), rows in self.table.items() if part == self.parts[0].name
-        }
+        library = self.parts[0].name
+        return {model: rows for (part, model), rows in self.table.items() if part == library}
 
     def best_linear(self, part: str) -> str | None:
         """The linear baseline with the smallest geometric mean of its errors, if there is one."""
 
         def mean(name: str) -> float:
             rows = self.table[part, name][: len(self.states)]
-            return float(geometric_mean(np.array([row.mse.value for row in rows])))
+            return float(geometric_mean(np.array([row.mse for row in rows])))
 
         return min(self.linear, key=mean, default=None)
 
@@ -141,14 +104,9 @@ class Comparison:
             "baselines": list(self.baselines),
             "linear_baselines": list(self.linear),
             "not_converged": list(self.not_converged),
-            "reference": self.reference,
+            "reference": self.names[0],
             "dt_s": self.dt_s,
-            "bootstrap": {
-                "by": "episode",
-                "resamples": RESAMPLES,
-                "confidence": CONFIDENCE,
-                "seed": SEED,
-            },
+            "bootstrap": {"resamples": RESAMPLES, "confidence": CONFIDENCE, "seed": SEED},
             "parts": [
                 {
                     "part": part.name,
@@ -160,10 +118,10 @@ class Comparison:
                 }
                 for part in self.parts
             ],
-            "rows": [row.record() for rows in self.table.values() for row in rows],
+            "rows": [row._asdict() for rows in self.table.values() for row in rows],
             "by_step": [
                 {"model": name, "state": state.name, "unit": state.unit}
-                | _keyed("rms", Estimate(*(each[:, i].tolist() for each in found)))
+                | {f"rms_{key}": values[:, i].tolist() for key, values in found._asdict().items()}
                 for name, found in self.by_step.items()
                 for i, state in enumerate(self.states)
             ],
@@ -190,40 +148,39 @@ def compare_models(
         linear, not_converged: as in `Comparison`.
         on_progress: called with the name of the model and of the set before each evaluation.
     """
-    states, library = state_units(schema), parts[0].test
-    predictors = {**models, **baselines}
-    errors: dict[str, dict[str, _Errors]] = {part.test.name: {} for part in parts}
-    by_step: dict[str, Estimate] = {}
+    states, predictors = state_units(schema), {**models, **baselines}
+    mse: dict[tuple[str, str], Array] = {}
+    diverged = {}
+    by_step = {}
     for test in {part.test.name: part.test for part in parts}.values():
         for name, model in predictors.items():
             on_progress(name, test.name)
-            magnitude = absolute_errors(model, test, states)
+            errors = absolute_errors(model, test, states)
+            diverged[test.name, name] = ~np.isfinite(errors).all(axis=(1, 2))
             with np.errstate(over="ignore"):
-                squared = np.square(magnitude)
-                mse = squared.mean(axis=1)
-                if test is library:
-                    draws = mean_draws(squared, test.trajectories.episode)
-                    by_step[name] = estimate(np.sqrt(draws))
-            is_finite = np.isfinite(magnitude).all(axis=(1, 2))
-            errors[test.name][name] = _Errors(mse, ~is_finite)
+                squared = np.square(errors)
+                mse[test.name, name] = squared.mean(axis=1)
+            if test is parts[0].test:
+                draws_by_step = mean_draws(squared, test.trajectories.episode)
+                by_step[name] = estimate(np.sqrt(draws_by_step))
+
     fair = (FAIR_LTI,) if set(LTI_BASELINES) <= set(baselines) else ()
+    names = (*models, *fair, *baselines)
     table: dict[tuple[str, str], tuple[Row, ...]] = {}
-    of_library: dict[str, Array] = {}
+    library: dict[str, Array] = {}
     for part in parts:
-        of_part = {name: each.take(part.rows) for name, each in errors[part.test.name].items()}
-        episode = part.test.trajectories.episode[part.rows]
-        draws_of = {name: mean_draws(each.mse, episode) for name, each in of_part.items()}
+        of_set, rows = part.test.name, part.rows
+        episode = part.test.trajectories.episode[rows]
+        draws = {name: mean_draws(mse[of_set, name][rows], episode) for name in predictors}
         if fair:
-            draws_of[FAIR_LTI] = np.min([draws_of[name] for name in LTI_BASELINES], axis=0)
-        of_library = of_library or draws_of
-        for name in (*models, *fair, *baselines):
-            draws = draws_of[name]
-            over_reference = ratios_of(draws, draws_of[next(iter(predictors))], states)
-            over_library = ratios_of(draws, of_library[name], states)
-            diverged = of_part[name].n_diverged if name in of_part else 0
-            table[part.name, name] = _rows(
-                part, name, states, diverged, estimate(draws), over_reference, over_library
-            )
+            draws[FAIR_LTI] = np.min([draws[name] for name in LTI_BASELINES], axis=0)
+        library = library or draws
+        for name in names:
+            count = 0 if name == FAIR_LTI else int(diverged[of_set, name][rows].sum())
+            over_reference = ratios_of(draws[name], draws[names[0]], states)
+            over_library = ratios_of(draws[name], library[name], states)
+            found = estimate(draws[name]), over_reference, over_library
+            table[part.name, name] = _rows(part, name, count, states, *found)
     return Comparison(
         states,
         schema.dt_s,
@@ -240,8 +197,8 @@ def compare_models(
 def _rows(
     part: Part,
     model: str,
-    states: Sequence[StateUnit],
     diverged: int,
+    states: Sequence[StateUnit],
     mse: Estimate,
     over_reference: Estimate,
     over_library: Estimate,
@@ -249,18 +206,10 @@ def _rows(
     """The rows of one model on one part, from estimates (n,) and two (n + means,)."""
     means = mean_names(states)
     keys = [*((state.name, state.unit) for state in states), *((name, "") for name in means)]
-    no_value = [Estimate(*[np.nan] * 3)] * len(means)
-    columns = zip([*_each(mse), *no_value], _each(over_reference), _each(over_library), strict=True)
+    errors = np.pad(np.array([*mse, np.sqrt(mse.value)]), ((0, 0), (0, len(means))),
+                    constant_values=np.nan)  # fmt: skip
+    numbers = np.vstack([errors, *over_reference, *over_library]).T.tolist()
     return tuple(
-        Row(part.name, model, *key, part.n_trajectories, diverged, *numbers)
-        for key, numbers in zip(keys, columns, strict=True)
+        Row(part.name, model, *key, part.n_trajectories, diverged, *of_state)
+        for key, of_state in zip(keys, numbers, strict=True)
     )
-
-
-def _each(found: Estimate) -> list[Estimate]:
-    """The entries of an estimate (n,)."""
-    return [Estimate(*numbers) for numbers in np.transpose(found).tolist()]
-
-
-def _keyed(name: str, found: Estimate) -> dict[str, Any]:
-    return {name: found.value, f"{name}_low": found.low, f"{name}_high": found.high}

@@ -6,9 +6,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from offline.evaluation.comparison import Comparison
+from offline.evaluation.comparison import Comparison, Row
 from offline.evaluation.lane_change import LaneChange
-from offline.evaluation.bootstrap import Estimate
 from offline.evaluation.metrics import state_units
 from offline.evaluation.tables import headline, mse_table
 from rt_controller.contract.arrays import Array
@@ -41,7 +40,7 @@ def evaluation_page(
     None if the data are not of the simulated car.
     """
     names = comparison.models
-    text = f"Errors of the other models over those of {comparison.reference}."
+    text = f"Errors of the other models over those of {comparison.names[0]}."
     bars = [Plot(ratio_bars(comparison), text)] if comparison.names[1:] else []
     caption = "RMS error over the time since the measured state; the bands are 95 % intervals."
     sections = [
@@ -93,13 +92,13 @@ def rms_over_time(comparison: Comparison) -> Figure:
 
 def ratio_bars(comparison: Comparison) -> Figure:
     """Errors of the others over the reference's: a panel for each state and the geometric mean."""
-    others = [name for name in comparison.library if name != comparison.reference]
+    others = [name for name in comparison.library if name != comparison.names[0]]
     heads = [*(state.name for state in comparison.states), "geom. mean"]
     figure, panels = empty_figure(1, len(heads), 0.9 + 0.3 * len(others), sharex=True, sharey=True)
     ends = [1.0]
     for i, (axes, head) in enumerate(zip(panels, heads, strict=True)):
         for place, name in enumerate(others):
-            ends += _bar(axes, place, comparison.library[name][i].over_reference)
+            ends += _bar(axes, place, comparison.library[name][i])
         axes.axvline(1.0, color=INK, linewidth=0.8)
         axes.set_title(head)
         axes.grid(visible=False, axis="y")
@@ -110,7 +109,7 @@ def ratio_bars(comparison: Comparison) -> Figure:
         set_log_scale(axes, "x")
     panels[0].set_yticks(range(len(others)), others)
     panels[0].invert_yaxis()
-    figure.supxlabel(f"MSE / MSE of {comparison.reference}", fontsize=9)
+    figure.supxlabel(f"MSE / MSE of {comparison.names[0]}", fontsize=9)
     return figure
 
 
@@ -169,18 +168,18 @@ def lane_change_plot(
     return figure
 
 
-def _bar(axes: Axes, row: int, estimate: Estimate) -> list[float]:
+def _bar(axes: Axes, place: int, row: Row) -> list[float]:
     """Draw a bar from 1 to a ratio with its interval and number; returns the drawn ends."""
-    value, low, high = map(float, estimate)
+    value, low, high = row.over_reference, row.over_reference_low, row.over_reference_high
     if not (np.isfinite(value) and value > 0.0):
-        axes.text(1.0, row, " not finite", va="center", fontsize=7, color=FAINT)
+        axes.text(1.0, place, " not finite", va="center", fontsize=7, color=FAINT)
         return []
     color = _BETTER if value >= 1.0 else _WORSE
     ends = np.array([value, low, high] if np.isfinite(low + high) else [value])
     drawn = np.clip(ends, 1.0 / LARGEST_DRAWN, LARGEST_DRAWN)
-    axes.barh(row, drawn[0] - 1.0, left=1.0, height=0.62, color=color, alpha=0.75)
-    axes.plot(drawn[1:], np.full(len(drawn) - 1, row), color=INK, linewidth=1.1)
-    axes.text(max(1.0, *drawn), row, f" {format_number(value, 3)}", va="center", fontsize=7)
+    axes.barh(place, drawn[0] - 1.0, left=1.0, height=0.62, color=color, alpha=0.75)
+    axes.plot(drawn[1:], np.full(len(drawn) - 1, place), color=INK, linewidth=1.1)
+    axes.text(max(1.0, *drawn), place, f" {format_number(value, 3)}", va="center", fontsize=7)
     return [float(end) for end in drawn]
 
 

@@ -4,12 +4,13 @@ They are views of `Comparison.table`. The title of each table says what is compa
 which trajectories.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
 
-from offline.evaluation.bootstrap import CONFIDENCE, RESAMPLES, Estimate
+from offline.evaluation.bootstrap import CONFIDENCE, RESAMPLES
 from offline.evaluation.comparison import FAIR_LTI, LTI_BASELINES, Comparison
+from offline.evaluation.comparison import Row as Errors
 from offline.evaluation.metrics import PROGRESS, mean_names
 from offline.evaluation.parts import Part
 from rt_controller.report.table import NO_VALUE, Cell, Column, Row, Table, format_number
@@ -22,18 +23,13 @@ _FIRST = {"ey": "lateral position", "vx": "speed"}
 
 def headline(comparison: Comparison) -> str:
     """How far each model and the best linear baseline are off at the end of the horizon."""
-    library = comparison.parts[0]
-    places = {state.name: i for i, state in enumerate(comparison.states)}
-    words = {name: text for name, text in _FIRST.items() if name in places}
-    words = words or {name: name for name in [*places][:2]}
+    library, states = comparison.parts[0], {state.name: state for state in comparison.states}
+    words = {name: text for name, text in _FIRST.items() if name in states}
+    words = words or {name: name for name in [*states][:2]}
 
     def errors(model: str) -> str:
-        at_end = comparison.by_step[model].value[-1]
-        texts = (
-            f"{format_number(at_end[places[name]], 2)} {comparison.states[places[name]].unit} in "
-            f"{text}"
-            for name, text in words.items()
-        )
+        at_end = dict(zip(states, comparison.by_step[model].value[-1], strict=True))
+        texts = (f"{format_number(at_end[s], 2)} {states[s].unit} in {words[s]}" for s in words)
         return " and ".join(texts)
 
     first, *others = comparison.models
@@ -62,95 +58,106 @@ def all_tables(comparison: Comparison) -> list[Table]:
 
 def mse_table(comparison: Comparison) -> Table:
     """Mean squared errors on the library with intervals. Paper: Table I."""
-    found = {name: comparison.library[name] for name in comparison.names}
-    diverged = ", ".join(f"{name} on {r[0].diverged}" for name, r in found.items() if r[0].diverged)
+    counts = {name: comparison.library[name][0].diverged for name in comparison.names}
+    diverged = ", ".join(f"{name} on {count}" for name, count in counts.items() if count)
     note = f"Second line: {INTERVAL}" if comparison.parts[0].n_episodes > 1 else NO_INTERVALS
     if diverged:
         note = f"No finite prediction: {diverged} trajectories."
-    return _table(
-        f"MSE over {_steps(comparison)} steps of each model on {comparison.parts[0].size}",
-        ["model", *(Column(each.name, each.squared_unit) for each in comparison.states)],
-        {
-            name: [_cell(row.mse) for row in rows[: len(comparison.states)]]
-            for name, rows in found.items()
-        },
-        [note, *_not_converged(comparison)],
+    return _library_table(
+        comparison,
+        f"MSE over {_steps(comparison)} steps of each model",
+        [Column(each.name, each.squared_unit) for each in comparison.states],
+        comparison.names,
+        lambda rows: [_cell(row.mse, row.mse_low, row.mse_high) for row in rows],
+        [note],
     )
 
 
 def rms_table(comparison: Comparison, with_intervals: bool = False) -> Table:
-    """Root mean square errors on the library, and their ratio to the reference's, squared.
+    """Root mean square errors on the library, and the ratio of the squared ones.
 
     `with_intervals`: of the errors; otherwise only the ratio has one.
     """
-    n, reference = len(comparison.states), comparison.reference
-    rows: dict[str, Sequence[Cell | str]] = {}
-    for name in comparison.names:
-        of_model = comparison.library[name]
-        cells = [_cell(row.rms) for row in of_model[:n]]
-        rows[name] = [*(cells if with_intervals else (cell.text for cell in cells))]
-        rows[name] += [NO_VALUE if name == reference else _inline(of_model[n].over_reference)]
-    return _table(
-        f"RMS error over {_steps(comparison)} steps of each model on {comparison.parts[0].size}",
-        [
-            "model",
-            *(Column(each.name, each.unit) for each in comparison.states),
-            Column("MSE over that of", reference),
-        ],
-        rows,
-        [
-            f"Last column: geometric mean over the states, in brackets {INTERVAL}",
-            *_not_converged(comparison),
-        ],
+
+    def cells(rows: Sequence[Errors]) -> list[Cell | str]:
+        n = len(comparison.states)
+        errors = (_cell(*np.sqrt([row.mse, row.mse_low, row.mse_high])) for row in rows[:n])
+        ratio = NO_VALUE if rows[n].model == comparison.names[0] else _inline(rows[n])
+        return [*(cell if with_intervals else cell.text for cell in errors), ratio]
+
+    states = [Column(each.name, each.unit) for each in comparison.states]
+    return _library_table(
+        comparison,
+        f"RMS error over {_steps(comparison)} steps of each model",
+        [*states, Column("MSE over that of", comparison.names[0])],
+        comparison.names,
+        cells,
+        [f"Last column: geometric mean over the states, in brackets {INTERVAL}"],
     )
 
 
 def ratio_table(comparison: Comparison) -> Table:
     """Mean squared errors of all others over those of the reference."""
-    reference = comparison.reference
-    others = {name: rows for name, rows in comparison.library.items() if name != reference}
-    best = comparison.best_linear(comparison.parts[0].name)
-    notes = [f"Best linear baseline in the geometric mean: {best}."] if best else []
-    if FAIR_LTI in others:
-        notes.insert(0, f"{FAIR_LTI}: for each state the better of {' and '.join(LTI_BASELINES)}.")
-    return _table(
-        f"MSE of each model over MSE of {reference} on {comparison.parts[0].size}: above 1, "
-        f"{reference} is better",
-        [
-            "model",
-            *(Column(each.name) for each in comparison.states),
-            *_mean_heads(comparison, "geometric mean"),
+    reference, best = comparison.names[0], comparison.best_linear(comparison.parts[0].name)
+    others = [name for name in comparison.library if name != reference]
+    fair = f"{FAIR_LTI}: for each state the better of {' and '.join(LTI_BASELINES)}."
+    notes = [fair] if FAIR_LTI in others else []
+    notes += [f"Best linear baseline in the geometric mean: {best}."] if best else []
+    units = (f"{len(comparison.states)} states", f"without {PROGRESS}")
+    means = [Column("geometric mean", unit) for unit in units[: len(mean_names(comparison.states))]]
+    return _library_table(
+        comparison,
+        f"MSE of each model over MSE of {reference}; above 1, {reference} is better",
+        [*(Column(each.name) for each in comparison.states), *means],
+        others,
+        lambda rows: [
+            _cell(row.over_reference, row.over_reference_low, row.over_reference_high)
+            for row in rows
         ],
-        {name: [_cell(row.over_reference) for row in rows] for name, rows in others.items()},
-        notes + _not_converged(comparison),
+        notes,
     )
 
 
 def parts_table(comparison: Comparison, parts: Sequence[Part]) -> Table:
     """On each part: the best linear baseline and other models over the reference."""
-    reference, n = comparison.reference, len(comparison.states)
+    reference, *others = comparison.models
     columns = [Column("part", is_text=True), Column("trajec-", "tories")]
     if comparison.linear:
         columns += [Column("best linear", is_text=True), Column("its MSE", "ratio")]
         columns.append(Column("smallest", "of a state"))
-    columns += [Column(name, "MSE ratio") for name in comparison.models[1:]]
-    columns.append(Column("over the", "library"))
-    rows = list[Row]()
+    columns += [*(Column(name, "MSE ratio") for name in others), Column("over the", "library")]
+    lines, n = list[Row](), len(comparison.states)
     for part in parts:
         cells = [part.name, f"{part.n_trajectories}"]
         if best := comparison.best_linear(part.name):
-            of_best = comparison.table[part.name, best]
-            smallest = min(
-                of_best[:n], key=lambda row: np.nan_to_num(row.over_reference.value, nan=np.inf)
-            )
-            ratio = format_number(smallest.over_reference.value, 3)
-            cells += [best, _inline(of_best[n].over_reference), f"{ratio} {smallest.state}"]
-        for name in comparison.models[1:]:
-            cells.append(_inline(comparison.table[part.name, name][n].over_reference))
-        own = comparison.table[part.name, reference][n].over_library
-        rows.append((*cells, format_number(own.value, 3)))
+            rows = comparison.table[part.name, best]
+            ratios = np.array([row.over_reference for row in rows[:n]])
+            least = rows[int(np.argmin(np.nan_to_num(ratios, nan=np.inf)))]
+            smallest = f"{format_number(least.over_reference, 3)} {least.state}"
+            cells += [best, _inline(rows[n]), smallest]
+        cells += [_inline(comparison.table[part.name, name][n]) for name in others]
+        own = comparison.table[part.name, reference][n]
+        lines.append((*cells, format_number(own.over_library, 3)))
     title = f"MSE over that of {reference} on each part, and its own over that on the library"
-    return Table(f"{title}; geometric means over the states", tuple(columns), tuple(rows))
+    return Table(f"{title}; geometric means over the states", tuple(columns), tuple(lines))
+
+
+def _library_table(
+    comparison: Comparison,
+    title: str,
+    columns: Iterable[Column],
+    names: Iterable[str],
+    cells_of: Callable[[Sequence[Errors]], Sequence[Cell | str]],
+    notes: Sequence[str],
+) -> Table:
+    """A line for each of these models, made of its rows on the library."""
+    heads = (Column("model", is_text=True), *columns)
+    found = comparison.library
+    # Cells beyond the heads are those of the geometric means.
+    lines = tuple((name, *cells_of(found[name])[: len(heads) - 1]) for name in names)
+    late = [f"Not converged within the time of a fit: {', '.join(comparison.not_converged)}."]
+    notes = [*notes, *(late if comparison.not_converged else [])]
+    return Table(f"{title} on {comparison.parts[0].size}", heads, lines, tuple(notes))
 
 
 def _steps(comparison: Comparison) -> int:
@@ -158,42 +165,17 @@ def _steps(comparison: Comparison) -> int:
     return len(next(iter(comparison.by_step.values())).value)
 
 
-def _cell(found: Estimate) -> Cell:
+def _cell(value: float, low: float, high: float) -> Cell:
     """A number, with its interval in a second line."""
-    return Cell(format_number(found.value), _interval(found))
+    return Cell(format_number(value), _interval(low, high))
 
 
-def _inline(found: Estimate) -> str:
-    """The same in one line."""
-    interval = _interval(found)
-    return format_number(found.value, 3) + (f" ({interval})" if interval else "")
+def _inline(row: Errors) -> str:
+    """A ratio to the reference with its interval in brackets."""
+    interval = _interval(row.over_reference_low, row.over_reference_high)
+    return format_number(row.over_reference, 3) + (f" ({interval})" if interval else "")
 
 
-def _interval(found: Estimate) -> str:
-    if not found.low <= found.high < float("inf"):
-        return ""
-    return f"{format_number(found.low, 3)}{NO_VALUE}{format_number(found.high, 3)}"
-
-
-def _table(
-    title: str,
-    heads: Iterable[Column | str],
-    rows: Mapping[str, Sequence[Cell | str]],
-    notes: Sequence[str] = (),
-) -> Table:
-    """A table whose rows have a name; a head without a unit is text: that of the names."""
-    columns = tuple(Column(each, is_text=True) if isinstance(each, str) else each for each in heads)
-    return Table(title, columns, tuple((name, *row) for name, row in rows.items()), (*notes,))
-
-
-def _mean_heads(comparison: Comparison, title: str) -> list[Column]:
-    units = (f"{len(comparison.states)} states", f"without {PROGRESS}")
-    return [
-        Column(title, unit) for _, unit in zip(mean_names(comparison.states), units, strict=False)
-    ]
-
-
-def _not_converged(comparison: Comparison) -> list[str]:
-    """A footnote if a baseline could have been trained for longer."""
-    names = ", ".join(comparison.not_converged)
-    return [f"Not converged within the time of a fit: {names}."] if names else []
+def _interval(low: float, high: float) -> str:
+    has_interval = low <= high < float("inf")
+    return f"{format_number(low, 3)}{NO_VALUE}{format_number(high, 3)}" if has_interval else ""
