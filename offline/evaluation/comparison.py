@@ -110,6 +110,7 @@ class Comparison:
             "parts": [
                 {
                     "part": part.name,
+                    "is_whole_set": part.is_whole,
                     "description": part.description,
                     "data_sha256": part.test.data_sha256,
                     "trajectories": part.n_trajectories,
