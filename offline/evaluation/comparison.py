@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from offline.evaluation.bootstrap import CONFIDENCE, RESAMPLES, SEED, Estimate, estimate, mean_draws
 from offline.evaluation.metrics import (
@@ -151,13 +152,13 @@ def compare_models(
     """
     states, predictors = state_units(schema), {**models, **baselines}
     mse: dict[tuple[str, str], Array] = {}
-    diverged = {}
+    diverged: dict[tuple[str, str], NDArray[np.bool_]] = {}
     by_step = {}
     for test in {part.test.name: part.test for part in parts}.values():
         for name, model in predictors.items():
             on_progress(name, test.name)
             errors = absolute_errors(model, test, states)
-            diverged[test.name, name] = ~np.isfinite(errors).all(axis=(1, 2))
+            diverged[test.name, name] = np.asarray(~np.isfinite(errors).all(axis=(1, 2)))
             with np.errstate(over="ignore"):
                 squared = np.square(errors)
                 mse[test.name, name] = squared.mean(axis=1)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from toy_predictors import WithError, made_test_set, made_trajectories, with_random_error
+from toy_predictors import WithError, made_test_set, made_trajectories
 
 from offline.evaluation.bootstrap import estimate, mean_draws
 from offline.evaluation.comparison import compare_models
@@ -88,7 +88,7 @@ def units_of(*states):
         (("speed", "m/s"), "speed", "km/h"),
     ],
 )
-def test_other_states_keep_their_unit_unless_it_is_m_per_s_or_rad(state, name, unit, key):
+def test_other_states_keep_their_unit_unless_it_is_m_per_s_or_rad(state, name, unit):
     (column,) = units_of(state)
     assert (column.name, column.unit) == (name, unit)
 
