@@ -98,10 +98,8 @@ def main(
                 export_run(Path(trained["run"]), models[-1], None)
         evaluation = run_evaluation(models, data, baselines, ["library"])
         comparison = evaluation.comparison
-        library = comparison.sets[0]
         STDOUT.print(f"\n**{name}**\n", markup=False)
-        ratios = (ratio_table(comparison, model, library) for model in comparison.models)
-        for table in (rms_table(comparison, library, with_intervals=True), *ratios):
+        for table in (rms_table(comparison, with_intervals=True), ratio_table(comparison)):
             lines = (table.title, "", to_markdown(table), "", *table.footnotes, "")
             STDOUT.print("\n".join(lines), soft_wrap=True, markup=False, highlight=False)
         figures[name] = {"import": imported, **evaluation_figures(evaluation)}

@@ -7,6 +7,8 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from benchmarks.fault_matrix.summary import MatrixSummary, lines_of
+from offline.evaluation.comparison import FAIR_LTI
+from offline.evaluation.test_sets import LIBRARY
 from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.figures import write_figures
 from rt_controller.model.artifact import SHIPPED_MODEL, shipped_model
@@ -80,31 +82,48 @@ Found = Mapping[str, Any]
 
 
 def _evaluation(found: Found) -> Figures:
-    library = found["sets"]["library"]
+    """What the documents print of the table of an evaluation."""
+    rows: dict[tuple[str, str], list[Found]] = {}
+    for row in found["rows"]:
+        rows.setdefault((row["part"], row["model"]), []).append(row)
+    library = {model: of_model for (part, model), of_model in rows.items() if part == LIBRARY}
+    sets = [part for part in found["parts"] if part["is_whole_set"] and part["best_linear"]]
     return {
         "mse": {
-            name: {state: x["value"] for state, x in model["mse"].items()}
-            for name, model in library["models"].items()
+            model: {
+                f"{row['state']} ({row['unit']})²": row["mse"] for row in of_model if row["unit"]
+            }
+            for model, of_model in library.items()
+            if model != FAIR_LTI
         },
         "mse_ratios": {
-            name: _ratios(ratios)
-            for name, ratios in library["baseline_mse_over_model_mse"][SHIPPED_MODEL].items()
+            model: _ratios(of_model)
+            for model, of_model in library.items()
+            if model != found["reference"]
         },
         "mse_sets": {
-            name: {
-                "number": test["n_trajectories"],
-                "best linear": best,
-                **_ratios(test["baseline_mse_over_model_mse"][SHIPPED_MODEL][best]),
+            part["part"]: {
+                "number": part["trajectories"],
+                "best linear": part["best_linear"],
+                **_ratios(rows[part["part"], part["best_linear"]]),
             }
-            for name, test in found["sets"].items()
-            if (best := test["best_baseline"].get("linear"))
+            for part in sets
         },
     }
 
 
-def _ratios(by_state: Found) -> Figures:
-    """Values of the states; the means with their intervals."""
-    return {name: x if "mean" in name else x["value"] for name, x in by_state.items()}
+def _ratios(rows: Iterable[Found]) -> Figures:
+    """MSE over that of the reference: values of the states; the means with their intervals."""
+    return {
+        row["state"]: row["over_reference"]
+        if row["unit"]
+        else {
+            "value": row["over_reference"],
+            "low": row["over_reference_low"],
+            "high": row["over_reference_high"],
+        }
+        for row in rows
+    }
 
 
 def _fault_matrix(found: Found) -> Figures:
@@ -129,7 +148,7 @@ def _false_alarms(found: Found) -> Figures:
 
 
 SOURCES: dict[str, tuple[set[str], Callable[[Found], Figures]]] = {
-    "evaluation": ({"sets", "series", "model_sha256"}, _evaluation),
+    "evaluation": ({"parts", "rows", "model_sha256"}, _evaluation),
     "fault_matrix": ({"rows", "summary"}, _fault_matrix),
     "false_alarms": ({"driven_h", "checks"}, _false_alarms),
 }

@@ -51,17 +51,12 @@ def by_name(figures: Figures, name: str, head: str, left_out: Container[str] = (
 
 
 SYMBOLS = {"vx": "v_x", "vy": "v_y", "yaw_rate": "yaw rate", "ds": "Δs", "ey": "e_y", "epsi": "e_ψ"}
-UNITS = {"": "", "kmh": "km/h", "degps": "deg/s", "m": "m", "deg": "deg"}
-_STATE = re.compile(f"({'|'.join(SYMBOLS)})_?({'|'.join(UNITS)})(_squared)?")
 
 
 def _head(key: str) -> str:
-    """The name of a column; of a state or its squared error the symbol and the unit."""
-    match = _STATE.fullmatch(key)
-    if match is None:
-        return key.replace("_", " ")
-    unit = f"({UNITS[match[2]]})²" if match[3] else UNITS[match[2]]
-    return f"{SYMBOLS[match[1]]} {unit}".strip()
+    """The name of a column; of a state its symbol."""
+    name, space, unit = key.partition(" ")
+    return SYMBOLS.get(name, name.replace("_", " ")) + space + unit
 
 
 def _text(x: Any) -> str:

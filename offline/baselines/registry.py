@@ -197,10 +197,10 @@ def _find_objection(name: str, dataset: Dataset, models: Sequence[Bundle]) -> st
     return find_objection([shipped], dataset.manifest)
 
 
-def table_of_classes(names: Iterable[str]) -> dict[str, str]:
-    """Class of those of these baselines that are linear or recurrent."""
-    found = {name: find_baseline(name).model_class for name in names if name != SHIPPED}
-    return {name: each for name, each in found.items() if each != "other"}
+def linear_ones(names: Iterable[str]) -> tuple[str, ...]:
+    """Those of these baselines that are linear."""
+    linear = {name for name, baseline in BASELINES.items() if baseline.model_class == "linear"}
+    return tuple(name for name in names if name in linear)
 
 
 def not_converged(opened: Mapping[str, Predictor]) -> tuple[str, ...]:

@@ -1,4 +1,4 @@
-"""`offline-evaluate`: load models, compare them with baselines, print the tables, draw a page."""
+"""`offline-evaluate`: load models, compare them with baselines, print tables, draw a page."""
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
@@ -51,10 +51,11 @@ def evaluate(
     refit: Annotated[bool, Parameter(negative="")] = False,
     sets: Annotated[list[str] | None, Several] = None,
     noise: Annotated[list[float] | None, Several] = None,
+    all_tables: Annotated[bool, Parameter(name="--all", negative="")] = False,
     html: Path | None = None,
     json_file: JsonFile = None,
 ) -> None:
-    """Errors over 80 open-loop steps on the test trajectories, as in the paper's Table I.
+    """Errors over 80 open-loop steps on the test trajectories; ratios are to the first model.
 
     Args:
         model: shipped models by name, or folders of bundles (./lti if a folder has the name of a
@@ -69,6 +70,8 @@ def evaluate(
             friction, mass; default: all of them
         noise: levels of the test sets with measurement noise, 1 for 0.03 m/s, 0.1 deg/s, 0.02 m and
             0.1 deg; default: 1 3
+        all_tables: also print the paper's Table I, every ratio, and every part of the test sets:
+            roads, ranges of speed, sideslip and brake
         html: also write this page with plots: errors over time, ratios, eigenvalues, and the
             paper's double lane change; needs the extra report
     """
@@ -78,14 +81,15 @@ def evaluate(
 
         require_report_extra("--html")
         require_writable(html, "--html")
-    from offline.evaluation.tables import comparison_tables, headline
+    from offline.evaluation import tables
     from rt_controller.report.table import print_table
 
     evaluation = run_evaluation(model, data, baselines, sets, noise, refit)
-    comparison, library = evaluation.comparison, evaluation.comparison.sets[0]
-    STDOUT.print(headline(comparison), markup=False)
+    comparison, library = evaluation.comparison, evaluation.comparison.parts[0]
+    STDOUT.print(tables.headline(comparison), markup=False)
     STDOUT.print(f"{library.size}: {library.description}", soft_wrap=True)
-    for table in comparison_tables(comparison):
+    chosen = tables.all_tables if all_tables else tables.screen_tables
+    for table in chosen(comparison):
         print_table(table, STDOUT)
     if html is not None:
         write_page(html, evaluation)
@@ -98,7 +102,7 @@ def evaluation_figures(evaluation: Evaluation) -> dict[str, Any]:
         "revision": evaluation.revision,
         "model_sha256": {name: bundle.sha256 for name, bundle in evaluation.bundles.items()},
         "data_sha256": evaluation.dataset.sha256,
-        **evaluation.comparison.figures,
+        **evaluation.comparison.figures(),
     }
 
 
@@ -160,7 +164,7 @@ def run_evaluation(
     from offline.baselines import registry
     from offline.evaluation.comparison import compare_models
     from offline.evaluation.held_out import choose_test_data
-    from offline.evaluation.series import make_series
+    from offline.evaluation.parts import parts_of
     from offline.evaluation.test_sets import choose_levels, choose_sets
     from offline.model.bundle_predictor import BundlePredictor
     from rt_controller.contract.revision import source_revision
@@ -190,11 +194,10 @@ def run_evaluation(
         comparison = compare_models(
             predictors,
             opened,
-            tests,
+            parts_of(tests, dataset.schema),
             dataset.schema,
-            classes=registry.table_of_classes(opened),
+            linear=registry.linear_ones(opened),
             not_converged=registry.not_converged(opened),
-            series=make_series(tests, dataset.schema),
             on_progress=lambda model, test: status.update(f"evaluating {model} on {test}"),
         )
     return Evaluation(comparison, named, {**predictors, **opened}, dataset, revision)

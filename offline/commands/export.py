@@ -196,7 +196,6 @@ def _deliver(
     """Evaluate a bundle, write it with its card, and print how to drive with it."""
     from offline.commands.model_trial import NOT_TRIED, try_model
     from offline.data.manifest import Imported, describe_car
-    from offline.evaluation.comparison import library_figures
     from offline.evaluation.model_card import driven_text, stability_text, write_card
     from offline.evaluation.tables import mse_table
     from rt_controller.bundle_checks.plan_check import with_plans
@@ -227,7 +226,7 @@ def _deliver(
         f"{bundle.name}: {stability_text(bundle)}; {driven_text(checks.stability)}; torch/ONNX "
         f"{checks.parity:.1e}\n{car.name}: {car.value}\ntrial: {trial}"
     )
-    print_table(mse_table(comparison, comparison.sets[0]), STDOUT)
+    print_table(mse_table(comparison), STDOUT)
     objection = find_objection_to_driving(bundle)
     drive = f"rt-controller --bus virtual --model {quoted(target)}"
     steps = f"Drive with it:\n  {drive}"
@@ -258,7 +257,7 @@ def _deliver(
         ),
         "parity": checks.parity,
         "size_bytes": sum(file.stat().st_size for file in target.iterdir()),
-        **library_figures(comparison),
+        "rows": comparison.figures()["rows"],
     }
 
 
@@ -269,13 +268,15 @@ def compare_with_plain_baselines(bundle: "Bundle", dataset: "Dataset") -> "Compa
     """
     from offline.baselines.registry import PLAIN_BASELINES, open_baselines
     from offline.evaluation.comparison import compare_models
+    from offline.evaluation.parts import whole_part
     from offline.evaluation.test_sets import library_set
     from offline.model.bundle_predictor import BundlePredictor
 
     names = tuple(name for name in PLAIN_BASELINES if name != bundle.name)
     baselines = open_baselines(names, dataset, [bundle], is_required=False)
     models = {bundle.name: BundlePredictor(bundle)}
-    return compare_models(models, baselines, [library_set(dataset)], dataset.schema)
+    library = whole_part(library_set(dataset))
+    return compare_models(models, baselines, [library], dataset.schema)
 
 
 def store_plans(model: Path, output: Path | None, is_tried: bool) -> dict[str, Any]:

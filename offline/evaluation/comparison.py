@@ -1,259 +1,217 @@
-"""Models compared with baselines on all test sets.
+"""Models compared with baselines: one long table of errors, a row a part, model and state.
 
-Every number is computed once, into the tree that `--json` writes; tables, the page and its plots
-are made from it.
+`--json` writes the table; the tables of the terminal, the model card, the page and the documents
+are views of it.
 """
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from offline.evaluation.bootstrap import CONFIDENCE, RESAMPLES, SEED, estimate, mean_draws
+from offline.evaluation.bootstrap import CONFIDENCE, RESAMPLES, SEED, Estimate, estimate, mean_draws
 from offline.evaluation.metrics import (
-    Figures,
     StateUnit,
-    TrajectoryErrors,
-    by_key,
-    errors_on,
+    absolute_errors,
     geometric_mean,
+    mean_names,
     ratios_of,
     state_units,
 )
+from offline.evaluation.parts import Part
 from offline.evaluation.predictor import Predictor
-from offline.evaluation.series import Series
-from offline.evaluation.test_sets import LIBRARY, TestSet
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.signals import Schema
 
 FAIR_LTI = "fair lti"
-"""for each state the better of `LTI_BASELINES`"""
+"""for each state the better of `LTI_BASELINES`, chosen anew in every draw"""
 
 LTI_BASELINES = ("lti", "lti-per-curvature")
 
-LINEAR = "linear"
-"""class of the baselines whose best one is named for each set and slice"""
 
-ErrorsByName = Mapping[str, TrajectoryErrors]
-"""of models and baselines on the same trajectories"""
+class Row(NamedTuple):
+    """Error of one model in one state on one part; low and high are the ends of an interval."""
+
+    part: str
+    model: str
+    state: str
+    """without its unit, or a name of `mean_names`, which has ratios only"""
+    unit: str
+    trajectories: int
+    diverged: int
+    """trajectories with a prediction that is not finite"""
+    mse: float
+    """in the square of `unit`, over all steps and trajectories. Paper: Table I"""
+    mse_low: float
+    mse_high: float
+    rms: float
+    """in `unit`, the root of `mse`"""
+    over_reference: float
+    """MSE over that of the reference model on the same part"""
+    over_reference_low: float
+    over_reference_high: float
+    over_library: float
+    """MSE over that of the same model on the library"""
+    over_library_low: float
+    over_library_high: float
 
 
 @dataclass(frozen=True, slots=True)
 class Comparison:
-    """Errors of models and baselines on the same test sets."""
+    """Errors of models and baselines on the same parts."""
 
-    columns: tuple[StateUnit, ...]
+    states: tuple[StateUnit, ...]
     dt_s: float
-    steps: int
-    """K, the length of the horizon"""
     models: tuple[str, ...]
-    """names of the evaluated models"""
+    """names of the evaluated models; the first is the reference"""
     baselines: tuple[str, ...]
+    linear: tuple[str, ...]
+    """those of the baselines that are linear in states, past and inputs"""
     not_converged: tuple[str, ...]
     """baselines whose training ended before their validation error was flat"""
-    sets: tuple[TestSet, ...]
+    parts: tuple[Part, ...]
     """the library first"""
-    figures: Figures
-    """all results, as `--json` has them"""
+    table: Mapping[tuple[str, str], tuple[Row, ...]]
+    """rows by part and model; first the states, then their geometric means"""
+    by_step: Mapping[str, Estimate]
+    """by model: RMS error (K, n) of each step on the library"""
 
     @property
     def names(self) -> tuple[str, ...]:
-        """All models, then all baselines."""
+        """All models, then all baselines; the first is the reference."""
         return self.models + self.baselines
 
     @property
-    def library(self) -> Figures:
-        """Results on the library, the reference of the other sets."""
-        found: Figures = self.figures["sets"][LIBRARY]
-        return found
+    def library(self) -> dict[str, tuple[Row, ...]]:
+        """The rows of the library by model, also of `FAIR_LTI`."""
+        library = self.parts[0].name
+        return {model: rows for (part, model), rows in self.table.items() if part == library}
+
+    def best_linear(self, part: str) -> str | None:
+        """The linear baseline with the smallest geometric mean of its errors, if there is one."""
+
+        def mean(name: str) -> float:
+            rows = self.table[part, name][: len(self.states)]
+            return float(geometric_mean(np.array([row.mse for row in rows])))
+
+        return min(self.linear, key=mean, default=None)
+
+    def figures(self) -> dict[str, Any]:
+        """All results, for JSON."""
+        return {
+            "models": list(self.models),
+            "baselines": list(self.baselines),
+            "linear_baselines": list(self.linear),
+            "not_converged": list(self.not_converged),
+            "reference": self.names[0],
+            "dt_s": self.dt_s,
+            "bootstrap": {"resamples": RESAMPLES, "confidence": CONFIDENCE, "seed": SEED},
+            "parts": [
+                {
+                    "part": part.name,
+                    "is_whole_set": part.is_whole,
+                    "description": part.description,
+                    "data_sha256": part.test.data_sha256,
+                    "trajectories": part.n_trajectories,
+                    "episodes": part.n_episodes,
+                    "best_linear": self.best_linear(part.name),
+                }
+                for part in self.parts
+            ],
+            "rows": [row._asdict() for rows in self.table.values() for row in rows],
+            "by_step": [
+                {"model": name, "state": state.name, "unit": state.unit}
+                | {f"rms_{key}": values[:, i].tolist() for key, values in found._asdict().items()}
+                for name, found in self.by_step.items()
+                for i, state in enumerate(self.states)
+            ],
+        }
 
 
 def compare_models(
     models: Mapping[str, Predictor],
     baselines: Mapping[str, Predictor],
-    sets: Sequence[TestSet],
+    parts: Sequence[Part],
     schema: Schema,
     *,
-    classes: Mapping[str, str] | None = None,
+    linear: Collection[str] = (),
     not_converged: Collection[str] = (),
-    series: Sequence[Series] = (),
     on_progress: Callable[[str, str], None] = lambda model, test: None,
 ) -> Comparison:
-    """Every model and baseline evaluated on every set.
+    """Every model and baseline evaluated on every part.
 
     Args:
-        models: the evaluated models by name.
+        models: the evaluated models by name, the reference first.
         baselines: what they are compared with.
-        sets: the test sets, the library first.
+        parts: of test sets, the whole library first.
         schema: of their signals.
-        classes: class of baselines by name, as `Baseline.model_class`.
-        not_converged: as in `Comparison`.
-        series: slices of these sets.
+        linear, not_converged: as in `Comparison`.
         on_progress: called with the name of the model and of the set before each evaluation.
     """
-    columns, steps, classes = state_units(schema), 0, dict(classes or {})
-    errors: dict[str, dict[str, TrajectoryErrors]] = {test.name: {} for test in sets}
-    details: Figures = {}
-    for test in sets:
-        for name, model in {**models, **baselines}.items():
+    states, predictors = state_units(schema), {**models, **baselines}
+    mse: dict[tuple[str, str], Array] = {}
+    diverged: dict[tuple[str, str], NDArray[np.bool_]] = {}
+    by_step = {}
+    for test in {part.test.name: part.test for part in parts}.values():
+        for name, model in predictors.items():
             on_progress(name, test.name)
-            by_step, errors[test.name][name] = errors_on(model, test, columns)
-            if test.name == LIBRARY:
-                steps = by_step.shape[1]
-                details[name] = _of_steps(by_step, test, columns)
-    linear = [name for name in baselines if classes.get(name) == LINEAR]
-    tree = _Tree(columns, tuple(models), tuple(baselines), linear, errors)
-    figures = {
-        "models": list(models),
-        "baselines": list(baselines),
-        "class_of_baseline": classes,
-        "not_converged": list(not_converged),
-        "dt_s": schema.dt_s,
-        "bootstrap": {
-            "by": "episode",
-            "resamples": RESAMPLES,
-            "confidence": CONFIDENCE,
-            "seed": SEED,
-        },
-        "sets": {test.name: tree.of_set(test, details) for test in sets},
-        "series": {
-            each.name: {
-                "quantity": each.quantity,
-                "unit": each.unit,
-                "description": each.on,
-                "slices": [
-                    {"label": part.label, "set": part.of}
-                    | tree.of_slice(
-                        {name: one.take(part.rows) for name, one in errors[part.of].items()}
-                    )
-                    for part in each.slices
-                ],
-            }
-            for each in series
-        },
-    }
+            errors = absolute_errors(model, test, states)
+            diverged[test.name, name] = np.asarray(~np.isfinite(errors).all(axis=(1, 2)))
+            with np.errstate(over="ignore"):
+                squared = np.square(errors)
+                mse[test.name, name] = squared.mean(axis=1)
+            if test is parts[0].test:
+                draws_by_step = mean_draws(squared, test.trajectories.episode)
+                by_step[name] = estimate(np.sqrt(draws_by_step))
+
+    fair = (FAIR_LTI,) if set(LTI_BASELINES) <= set(baselines) else ()
+    names = (*models, *fair, *baselines)
+    table: dict[tuple[str, str], tuple[Row, ...]] = {}
+    library: dict[str, Array] = {}
+    for part in parts:
+        of_set, rows = part.test.name, part.rows
+        episode = part.test.trajectories.episode[rows]
+        draws = {name: mean_draws(mse[of_set, name][rows], episode) for name in predictors}
+        if fair:
+            draws[FAIR_LTI] = np.min([draws[name] for name in LTI_BASELINES], axis=0)
+        library = library or draws
+        for name in names:
+            count = 0 if name == FAIR_LTI else int(diverged[of_set, name][rows].sum())
+            over_reference = ratios_of(draws[name], draws[names[0]], states)
+            over_library = ratios_of(draws[name], library[name], states)
+            found = estimate(draws[name]), over_reference, over_library
+            table[part.name, name] = _rows(part, name, count, states, *found)
     return Comparison(
-        columns,
+        states,
         schema.dt_s,
-        steps,
         tuple(models),
         tuple(baselines),
+        tuple(linear),
         tuple(not_converged),
-        tuple(sets),
-        figures,
+        tuple(parts),
+        table,
+        by_step,
     )
 
 
-def library_figures(comparison: Comparison) -> Figures:
-    """The MSE table over all roads of the library."""
-    library = comparison.library
-    models = {name: {"mse": found["mse"]} for name, found in library["models"].items()}
-    return {**{key: library[key] for key in ("n_trajectories", "n_episodes")}, "models": models}
-
-
-def _of_steps(errors: Array, test: TestSet, columns: Sequence[StateUnit]) -> Figures:
-    """RMS of the absolute errors (N, K, n) of each step."""
-    with np.errstate(over="ignore"):
-        rms = estimate(np.sqrt(mean_draws(np.square(errors), test.trajectories.episode)))
-    return {
-        "rms": {
-            column.key: {part: values[:, i].tolist() for part, values in rms._asdict().items()}
-            for i, column in enumerate(columns)
-        }
-    }
-
-
-@dataclass(frozen=True, slots=True)
-class _Tree:
-    """Figures of sets and slices from the errors of all models."""
-
-    columns: tuple[StateUnit, ...]
-    models: tuple[str, ...]
-    baselines: tuple[str, ...]
-    linear: Sequence[str]
-    errors: Mapping[str, ErrorsByName]
-
-    def of_set(self, test: TestSet, by_step: Figures) -> Figures:
-        """`by_step`, by model, is that of the library."""
-        errors, found = self.errors[test.name], dict[str, Figures]()
-        for name, each in errors.items():
-            rms = estimate(np.sqrt(each.mean_draws))
-            found[name] = {
-                "mse": self._mse(each.mean_draws),
-                "rms": by_key(rms, [column.key for column in self.columns]),
-                "mse_by_curvature_per_m": {
-                    f"{kappa:g}": self._mse(each.take(test.is_on_road(kappa)).mean_draws)
-                    for kappa in test.curvatures_per_m
-                },
-                "trajectories_without_finite_prediction": each.diverged,
-            }
-        figures = {
-            "description": test.description,
-            "data_sha256": test.data_sha256,
-            "n_trajectories": test.n_trajectories,
-            "n_episodes": test.n_episodes,
-            "models": found,
-            "best_baseline": self._best(errors),
-            "baseline_mse_over_model_mse": {
-                model: self._fair(errors, model) | self._ratios(errors, model)
-                for model in self.models
-            },
-        }
-        if test.name == LIBRARY:
-            return {**figures, "by_step": by_step}
-        return {**figures, "mse_over_library_mse": self._growth(errors)}
-
-    def of_slice(self, errors: ErrorsByName) -> Figures:
-        episode = next(iter(errors.values())).episode
-        ratios = {model: self._ratios(errors, model) for model in self.models}
-        states = [column.name for column in self.columns]
-        return {
-            "n_trajectories": len(episode),
-            "n_episodes": len(np.unique(episode)),
-            "best_baseline": self._best(errors),
-            "baseline_mse_over_model_mse": ratios,
-            "state_of_smallest_ratio": {
-                model: {
-                    name: min(states, key=lambda s: np.nan_to_num(each[s]["value"], nan=np.inf))
-                    for name, each in by_name.items()
-                }
-                for model, by_name in ratios.items()
-            },
-            "mse": {name: self._mse(each.mean_draws) for name, each in errors.items()},
-            "mse_over_library_mse": self._growth(errors),
-        }
-
-    def _mse(self, draws: Array) -> Figures:
-        return by_key(estimate(draws), [column.squared_key for column in self.columns])
-
-    def _ratios(self, errors: ErrorsByName, model: str) -> Figures:
-        """By baseline: its mean errors over those of the model, so above 1 the model is better."""
-        own = errors[model].mean_draws
-        return {
-            name: ratios_of(errors[name].mean_draws, own, self.columns) for name in self.baselines
-        }
-
-    def _fair(self, errors: ErrorsByName, model: str) -> Figures:
-        """The same of the better linear model of each state, chosen anew in every draw."""
-        if not set(LTI_BASELINES) <= set(self.baselines):
-            return {}
-        fair = np.min([errors[name].mean_draws for name in LTI_BASELINES], axis=0)
-        return {FAIR_LTI: ratios_of(fair, errors[model].mean_draws, self.columns)}
-
-    def _growth(self, errors: ErrorsByName) -> Figures:
-        """By model or baseline: its mean errors over its own on the library."""
-        library = self.errors[LIBRARY]
-        return {
-            name: ratios_of(each.mean_draws, library[name].mean_draws, self.columns)
-            for name, each in errors.items()
-        }
-
-    def _best(self, errors: ErrorsByName) -> dict[str, str]:
-        """The linear baseline with the smallest geometric mean of its mean errors, if any."""
-        if not self.linear:
-            return {}
-        best = min(
-            self.linear,
-            key=lambda name: float(geometric_mean(errors[name].mean_draws[0])),
-        )
-        return {LINEAR: best}
+def _rows(
+    part: Part,
+    model: str,
+    diverged: int,
+    states: Sequence[StateUnit],
+    mse: Estimate,
+    over_reference: Estimate,
+    over_library: Estimate,
+) -> tuple[Row, ...]:
+    """The rows of one model on one part, from estimates (n,) and two (n + means,)."""
+    means = mean_names(states)
+    keys = [*((state.name, state.unit) for state in states), *((name, "") for name in means)]
+    errors = np.pad(np.array([*mse, np.sqrt(mse.value)]), ((0, 0), (0, len(means))),
+                    constant_values=np.nan)  # fmt: skip
+    numbers = np.vstack([errors, *over_reference, *over_library]).T.tolist()
+    return tuple(
+        Row(part.name, model, *key, part.n_trajectories, diverged, *of_state)
+        for key, of_state in zip(keys, numbers, strict=True)
+    )

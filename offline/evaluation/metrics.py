@@ -8,16 +8,12 @@ Paper: section IV, Table I.
 """
 
 import re
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
-from functools import cached_property
-from typing import Any, NamedTuple
+from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from offline.data.signals import Rows
-from offline.evaluation.bootstrap import Estimate, estimate, mean_draws
+from offline.evaluation.bootstrap import Estimate, estimate
 from offline.evaluation.predictor import Predictor, prediction_errors
 from offline.evaluation.test_sets import TestSet
 from rt_controller.contract.arrays import Array
@@ -26,12 +22,8 @@ from rt_controller.contract.signals import Schema
 PROGRESS = "ds"
 """progress per period: the speed once more (correlation 0.997 on the training data), so the
 geometric mean over all states counts the speed twice"""
-WITHOUT_PROGRESS = f"geometric_mean_without_{PROGRESS}"
-
-MEANS = ("geometric_mean", WITHOUT_PROGRESS)
-
-Figures = dict[str, Any]
-"""a tree for JSON; a value with an interval is {value, low, high}"""
+GEOMETRIC_MEAN = "geometric_mean"
+WITHOUT_PROGRESS = f"{GEOMETRIC_MEAN}_without_{PROGRESS}"
 
 _TABLE_UNITS = {
     "m/s": ("km/h", 3.6),
@@ -49,16 +41,6 @@ class StateUnit(NamedTuple):
     unit: str
     per_si: float
     """value in `unit` = per_si * value in the state's own unit"""
-
-    @property
-    def key(self) -> str:
-        """Name with unit for JSON: "vx_kmh"."""
-        return "_".join(filter(None, (self.name, _suffix(self.unit))))
-
-    @property
-    def squared_key(self) -> str:
-        """Key of a squared error: "vx_kmh_squared"."""
-        return f"{self.key}_squared"
 
     @property
     def squared_unit(self) -> str:
@@ -89,64 +71,33 @@ def _suffix(unit: str) -> str:
     return re.sub(r"[^a-z0-9]", "", unit.lower().replace("/", "p"))
 
 
-@dataclass(frozen=True)
-class TrajectoryErrors:
-    """Squared errors of N trajectories, averaged over the steps; n states in squared units.
-
-    The draws are those of `offline.evaluation.bootstrap`: the sample, then R resamples.
-    """
-
-    mse: Array
-    """(N, n); infinite where a prediction is not finite"""
-    episode: NDArray[np.int32]
-    """(N,)"""
-    diverged: int = 0
-    """number of trajectories with a prediction that is not finite"""
-
-    def take(self, rows: Rows) -> "TrajectoryErrors":
-        """The errors of these trajectories."""
-        return TrajectoryErrors(self.mse[rows], self.episode[rows])
-
-    @cached_property
-    def mean_draws(self) -> Array:
-        """Means (1 + R, n) over the trajectories. Paper: Table I."""
-        return mean_draws(self.mse, self.episode)
-
-
-def errors_on(
-    model: Predictor, test: TestSet, columns: Sequence[StateUnit]
-) -> tuple[Array, TrajectoryErrors]:
-    """Absolute errors (N, K, n) of each step, infinite where not finite; means of squares."""
+def absolute_errors(model: Predictor, test: TestSet, states: Sequence[StateUnit]) -> Array:
+    """Absolute errors (N, K, n) of each step in the units of `states`; infinite if not finite."""
     errors = prediction_errors(model, test.trajectories)
     with np.errstate(over="ignore"):
-        errors *= [column.per_si for column in columns]
-        magnitude = np.where(np.isnan(errors), np.inf, np.abs(errors))
-        mse = np.square(magnitude).mean(axis=1)
-    diverged = int(np.count_nonzero(~np.isfinite(errors).all(axis=(1, 2))))
-    return magnitude, TrajectoryErrors(mse, test.trajectories.episode, diverged)
+        errors *= [state.per_si for state in states]
+    return np.where(np.isnan(errors), np.inf, np.abs(errors))
 
 
-def by_key(found: Estimate, keys: Iterable[str]) -> Figures:
-    """{value, low, high} by key, of the entries of an estimate (n,)."""
-    numbers = np.transpose(found).tolist()
-    return {key: Estimate(*row)._asdict() for key, row in zip(keys, numbers, strict=True)}
+def mean_names(states: Sequence[StateUnit]) -> tuple[str, ...]:
+    """The geometric means of these states: of all, and without `PROGRESS` if it is one of them."""
+    has_progress = len(states) > 1 and PROGRESS in (state.name for state in states)
+    return (GEOMETRIC_MEAN, *((WITHOUT_PROGRESS,) if has_progress else ()))
 
 
-def ratios_of(above: Array, below: Array, columns: Sequence[StateUnit]) -> Figures:
-    """Ratio of two errors, given their draws (1 + R, n): of each state, and geometric means.
+def ratios_of(above: Array, below: Array, states: Sequence[StateUnit]) -> Estimate:
+    """Ratio of two errors, given their draws (1 + R, n): of each state, then of `mean_names`.
 
-    The second mean is without `PROGRESS`, if that is one of several states. There is no interval if
-    one of the errors has only the sample.
+    There is no interval if one of the errors has only the sample.
     """
     draws = min(len(above), len(below))
-    names = [column.name for column in columns]
     with np.errstate(divide="ignore", invalid="ignore"):
         ratios = above[:draws] / below[:draws]
-    means = {"geometric_mean": geometric_mean(ratios)}
-    others = [i for i, name in enumerate(names) if name != PROGRESS]
-    if 0 < len(others) < len(names):
-        means[WITHOUT_PROGRESS] = geometric_mean(ratios[:, others])
-    return by_key(estimate(np.column_stack([ratios, *means.values()])), [*names, *means])
+    columns = [ratios, geometric_mean(ratios)]
+    if WITHOUT_PROGRESS in mean_names(states):
+        others = [i for i, state in enumerate(states) if state.name != PROGRESS]
+        columns.append(geometric_mean(ratios[:, others]))
+    return estimate(np.column_stack(columns))
 
 
 def geometric_mean(ratios: Array) -> Array:

@@ -100,7 +100,7 @@ def write_card(
 ) -> str:
     """The card in Markdown; `facts` say how the model was made."""
     is_drivable = find_objection_to_driving(bundle) is None
-    errors = mse_table(comparison, comparison.sets[0])
+    errors = mse_table(comparison)
     hashes = [
         Fact("model, SHA-256", bundle.sha256),
         Fact("trained on data set, SHA-256", bundle.data_sha256),

@@ -6,9 +6,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from offline.evaluation.comparison import Comparison
+from offline.evaluation.comparison import Comparison, Row
 from offline.evaluation.lane_change import LaneChange
-from offline.evaluation.metrics import Figures, state_units
+from offline.evaluation.metrics import state_units
 from offline.evaluation.tables import headline, mse_table
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.signals import VEHICLE, InputColumn, StateColumn
@@ -40,14 +40,11 @@ def evaluation_page(
     None if the data are not of the simulated car.
     """
     names = comparison.models
-    bars = [
-        Plot(ratio_bars(comparison, name), f"Errors of the baselines over those of {name}.")
-        for name in names
-        if comparison.baselines
-    ]
+    text = f"Errors of the other models over those of {comparison.names[0]}."
+    bars = [Plot(ratio_bars(comparison), text)] if comparison.names[1:] else []
     caption = "RMS error over the time since the measured state; the bands are 95 % intervals."
     sections = [
-        Section("Errors", (mse_table(comparison, comparison.sets[0]),)),
+        Section("Errors", (mse_table(comparison),)),
         Section("Comparison with baselines", (*bars,)),
         Section("Eigenvalues", (Plot(eigenvalues(names, bundles), "Of A, and the unit circle."),)),
     ]
@@ -66,45 +63,42 @@ def evaluation_page(
 
 def rms_over_time(comparison: Comparison) -> Figure:
     """RMS error of each step, one panel for each state, with an interval for each model."""
-    rows = -(-len(comparison.columns) // 3)
+    rows = -(-len(comparison.states) // 3)
     figure, panels = empty_figure(rows, 3, 0.5 + 2.3 * rows)
-    time_s = comparison.dt_s * np.arange(1, comparison.steps + 1)
     styles = line_styles(comparison.models, comparison.baselines)
-    found = comparison.library["by_step"]
-    for axes, column in zip(panels, comparison.columns, strict=False):
-        for k, name in enumerate(comparison.names):
-            value, low, high = map(_finite_or_nan, found[name]["rms"][column.key].values())
+    for i, (axes, state) in enumerate(zip(panels, comparison.states, strict=False)):
+        for k, (name, found) in enumerate(comparison.by_step.items()):
+            value, low, high = (_finite_or_nan(part[:, i]) for part in found)
+            time_s = comparison.dt_s * np.arange(1, len(value) + 1)
             axes.plot(time_s, value, **styles[name], label=name, zorder=3 - 0.01 * k)
             if name in comparison.models:
                 color = styles[name]["color"]
                 axes.fill_between(time_s, low, high, color=color, alpha=0.18, linewidth=0.0)
         axes.set_yscale("log")
-        rms = (found[name]["rms"][column.key]["value"] for name in comparison.models)
-        errors = np.concatenate([*rms])
+        errors = np.concatenate([comparison.by_step[n].value[:, i] for n in comparison.models])
         drawn = errors[np.isfinite(errors) & (errors > 0.0)]
         if len(drawn):  # a baseline with very large errors would flatten the models
             bottom, top = axes.get_ylim()
             bottom = max(bottom, drawn.min() / LARGEST_DRAWN)
             axes.set_ylim(bottom, min(top, drawn.max() * LARGEST_DRAWN))
         set_log_scale(axes, "y")
-        axes.set_title(f"{column.name} / {column.unit or '1'}", loc="left")
+        axes.set_title(f"{state.name} / {state.unit or '1'}", loc="left")
         axes.set_xlabel("time / s")
-    for axes in panels[len(comparison.columns) :]:
+    for axes in panels[len(comparison.states) :]:
         axes.set_axis_off()
     add_legend(figure, panels[0])
     return figure
 
 
-def ratio_bars(comparison: Comparison, model: str) -> Figure:
-    """Errors of each baseline over the model's: a panel for each state and the geometric mean."""
-    ratios = comparison.library["baseline_mse_over_model_mse"][model]
-    heads = {column.name: column.name for column in comparison.columns}
-    heads["geometric_mean"] = "geom. mean"
-    figure, panels = empty_figure(1, len(heads), 0.9 + 0.3 * len(ratios), sharex=True, sharey=True)
+def ratio_bars(comparison: Comparison) -> Figure:
+    """Errors of the others over the reference's: a panel for each state and the geometric mean."""
+    others = [name for name in comparison.library if name != comparison.names[0]]
+    heads = [*(state.name for state in comparison.states), "geom. mean"]
+    figure, panels = empty_figure(1, len(heads), 0.9 + 0.3 * len(others), sharex=True, sharey=True)
     ends = [1.0]
-    for axes, (key, head) in zip(panels, heads.items(), strict=True):
-        for row, ratio in enumerate(ratios.values()):
-            ends += _bar(axes, row, ratio[key])
+    for i, (axes, head) in enumerate(zip(panels, heads, strict=True)):
+        for place, name in enumerate(others):
+            ends += _bar(axes, place, comparison.library[name][i])
         axes.axvline(1.0, color=INK, linewidth=0.8)
         axes.set_title(head)
         axes.grid(visible=False, axis="y")
@@ -113,9 +107,9 @@ def ratio_bars(comparison: Comparison, model: str) -> Figure:
     for axes in panels:
         axes.set_xlim(low, high * (high / low) ** 0.35)  # space for the numbers
         set_log_scale(axes, "x")
-    panels[0].set_yticks(range(len(ratios)), list(ratios))
+    panels[0].set_yticks(range(len(others)), others)
     panels[0].invert_yaxis()
-    figure.supxlabel(f"MSE of the baseline / MSE of {model}", fontsize=9)
+    figure.supxlabel(f"MSE / MSE of {comparison.names[0]}", fontsize=9)
     return figure
 
 
@@ -174,18 +168,18 @@ def lane_change_plot(
     return figure
 
 
-def _bar(axes: Axes, row: int, estimate: Figures) -> list[float]:
+def _bar(axes: Axes, place: int, row: Row) -> list[float]:
     """Draw a bar from 1 to a ratio with its interval and number; returns the drawn ends."""
-    value, low, high = estimate.values()
+    value, low, high = row.over_reference, row.over_reference_low, row.over_reference_high
     if not (np.isfinite(value) and value > 0.0):
-        axes.text(1.0, row, " not finite", va="center", fontsize=7, color=FAINT)
+        axes.text(1.0, place, " not finite", va="center", fontsize=7, color=FAINT)
         return []
     color = _BETTER if value >= 1.0 else _WORSE
     ends = np.array([value, low, high] if np.isfinite(low + high) else [value])
     drawn = np.clip(ends, 1.0 / LARGEST_DRAWN, LARGEST_DRAWN)
-    axes.barh(row, drawn[0] - 1.0, left=1.0, height=0.62, color=color, alpha=0.75)
-    axes.plot(drawn[1:], np.full(len(drawn) - 1, row), color=INK, linewidth=1.1)
-    axes.text(max(1.0, *drawn), row, f" {format_number(value, 3)}", va="center", fontsize=7)
+    axes.barh(place, drawn[0] - 1.0, left=1.0, height=0.62, color=color, alpha=0.75)
+    axes.plot(drawn[1:], np.full(len(drawn) - 1, place), color=INK, linewidth=1.1)
+    axes.text(max(1.0, *drawn), place, f" {format_number(value, 3)}", va="center", fontsize=7)
     return [float(end) for end in drawn]
 
 
@@ -198,5 +192,5 @@ def _limit_to_car_and_models(axes: Axes, measured: Array, models: list[Array]) -
     axes.set_ylim(max(low, measured.min() - margin), min(high, measured.max() + margin))
 
 
-def _finite_or_nan(values: Sequence[float]) -> Array:
+def _finite_or_nan(values: Array) -> Array:
     return np.asarray(np.where(np.isfinite(values), values, np.nan), dtype=np.float64)

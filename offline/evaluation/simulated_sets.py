@@ -163,7 +163,7 @@ def straight_braking_set() -> TestSet:
         f"{BRAKING_FROM_KMH[-1]} km/h with {INPUT_LIMITS.upper.brake_n:g} N"
     )
     digest = sha256(numbers).hexdigest()
-    return TestSet(BRAKING, description, trajectories, np.zeros(len(starts.row)), digest)
+    return TestSet(BRAKING, description, trajectories, digest)
 
 
 def _stop(first_speed_mps: float, inputs: Array, rng: np.random.Generator) -> Episode:

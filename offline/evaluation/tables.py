@@ -1,20 +1,21 @@
 """The sentence and the tables of an evaluation, for the terminal, the model card and the page.
 
-They are views of `Comparison.figures`. The title of each table says what is compared with what, on
+They are views of `Comparison.table`. The title of each table says what is compared with what, on
 which trajectories.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
+
+import numpy as np
 
 from offline.evaluation.bootstrap import CONFIDENCE, RESAMPLES
-from offline.evaluation.comparison import FAIR_LTI, LINEAR, LTI_BASELINES, Comparison
-from offline.evaluation.metrics import MEANS, PROGRESS, Figures
-from offline.evaluation.test_sets import LIBRARY, TestSet
+from offline.evaluation.comparison import FAIR_LTI, LTI_BASELINES, Comparison
+from offline.evaluation.comparison import Row as Errors
+from offline.evaluation.metrics import PROGRESS, mean_names
+from offline.evaluation.parts import Part
 from rt_controller.report.table import NO_VALUE, Cell, Column, Row, Table, format_number
 
-INTERVALS = (
-    f"Second line: {100 * CONFIDENCE:g} % interval, bootstrap by episode, {RESAMPLES} resamples."
-)
+INTERVAL = f"{100 * CONFIDENCE:g} % interval, bootstrap by episode, {RESAMPLES} resamples."
 NO_INTERVALS = "Without intervals: they need several episodes."
 _FIRST = {"ey": "lateral position", "vx": "speed"}
 """states of the first sentence, in its words; of data without them the first two"""
@@ -22,167 +23,159 @@ _FIRST = {"ey": "lateral position", "vx": "speed"}
 
 def headline(comparison: Comparison) -> str:
     """How far each model and the best linear baseline are off at the end of the horizon."""
-    by_step, library = comparison.library["by_step"], comparison.sets[0]
-    columns = {column.name: column for column in comparison.columns}
-    words = {name: text for name, text in _FIRST.items() if name in columns}
-    words = words or {name: name for name in [*columns][:2]}
+    library, states = comparison.parts[0], {state.name: state for state in comparison.states}
+    words = {name: text for name, text in _FIRST.items() if name in states}
+    words = words or {name: name for name in [*states][:2]}
 
     def errors(model: str) -> str:
-        rms = by_step[model]["rms"]
-        ends = {name: rms[columns[name].key]["value"][-1] for name in words}
-        texts = (
-            f"{format_number(ends[name], 2)} {columns[name].unit} in {words[name]}"
-            for name in words
-        )
+        at_end = dict(zip(states, comparison.by_step[model].value[-1], strict=True))
+        texts = (f"{format_number(at_end[s], 2)} {states[s].unit} in {words[s]}" for s in words)
         return " and ".join(texts)
 
     first, *others = comparison.models
     text = (
         f"From one measurement and the inputs, {first} predicts the next "
-        f"{comparison.dt_s * comparison.steps:g} s of a drive; at their end it is off by "
+        f"{comparison.dt_s * _steps(comparison):g} s of a drive; at their end it is off by "
         f"{errors(first)}, root mean square over {library.n_trajectories} trajectories."
     )
     text += "".join(f" {name} is off by {errors(name)}." for name in others)
-    best = comparison.library["best_baseline"].get(LINEAR)
+    best = comparison.best_linear(library.name)
     return text + (f" The best linear model, {best}, is off by {errors(best)}." if best else "")
 
 
-def comparison_tables(comparison: Comparison) -> list[Table]:
-    """The tables in the order in which `offline-evaluate` prints them; the page has them too."""
-    library = comparison.sets[0]
-    tables = [mse_table(comparison, library), rms_table(comparison, library)]
-    for model in comparison.models:
-        if comparison.baselines:
-            tables.append(ratio_table(comparison, model, library))
-        tables.append(conditions_table(comparison, model))
-    return tables
+def screen_tables(comparison: Comparison) -> list[Table]:
+    """The tables that fit on one screen: errors on the library, and whole test sets."""
+    whole = [part for part in comparison.parts if part.is_whole]
+    return [rms_table(comparison), *([parts_table(comparison, whole)] if whole[1:] else [])]
 
 
-def mse_table(comparison: Comparison, test: TestSet) -> Table:
-    """Mean squared errors with intervals. Paper: Table I."""
-    models = comparison.figures["sets"][test.name]["models"]
-    counts = {n: each["trajectories_without_finite_prediction"] for n, each in models.items()}
+def all_tables(comparison: Comparison) -> list[Table]:
+    """All tables: with intervals, and over every part."""
+    ratios = [ratio_table(comparison)] if comparison.names[1:] else []
+    parts = parts_table(comparison, comparison.parts)
+    return [mse_table(comparison), rms_table(comparison), *ratios, parts]
+
+
+def mse_table(comparison: Comparison) -> Table:
+    """Mean squared errors on the library with intervals. Paper: Table I."""
+    counts = {name: comparison.library[name][0].diverged for name in comparison.names}
     diverged = ", ".join(f"{name} on {count}" for name, count in counts.items() if count)
-    note = INTERVALS if test.n_episodes > 1 else NO_INTERVALS
+    note = f"Second line: {INTERVAL}" if comparison.parts[0].n_episodes > 1 else NO_INTERVALS
     if diverged:
         note = f"No finite prediction: {diverged} trajectories."
-    return _table(
-        f"MSE over {comparison.steps} steps of each model on {test.size}",
-        ["model", *_squared(comparison)],
-        {name: interval_cells(each["mse"].values()) for name, each in models.items()},
-        [note, *_not_converged(comparison)],
+    return _library_table(
+        comparison,
+        f"MSE over {_steps(comparison)} steps of each model",
+        [Column(each.name, each.squared_unit) for each in comparison.states],
+        comparison.names,
+        lambda rows: [_cell(row.mse, row.mse_low, row.mse_high) for row in rows],
+        [note],
     )
 
 
-def rms_table(comparison: Comparison, test: TestSet, with_intervals: bool = False) -> Table:
-    """Root mean square errors."""
-    models = comparison.figures["sets"][test.name]["models"]
-    to_cells = interval_cells if with_intervals else _values
-    return _table(
-        f"RMS error over {comparison.steps} steps of each model on {test.size}",
-        ["model", *_states(comparison)],
-        {name: to_cells(each["rms"].values()) for name, each in models.items()},
+def rms_table(comparison: Comparison, with_intervals: bool = False) -> Table:
+    """Root mean square errors on the library, and the ratio of the squared ones.
+
+    `with_intervals`: of the errors; otherwise only the ratio has one.
+    """
+
+    def cells(rows: Sequence[Errors]) -> list[Cell | str]:
+        n = len(comparison.states)
+        errors = (_cell(*np.sqrt([row.mse, row.mse_low, row.mse_high])) for row in rows[:n])
+        ratio = NO_VALUE if rows[n].model == comparison.names[0] else _inline(rows[n])
+        return [*(cell if with_intervals else cell.text for cell in errors), ratio]
+
+    states = [Column(each.name, each.unit) for each in comparison.states]
+    return _library_table(
+        comparison,
+        f"RMS error over {_steps(comparison)} steps of each model",
+        [*states, Column("MSE over that of", comparison.names[0])],
+        comparison.names,
+        cells,
+        [f"Last column: geometric mean over the states, in brackets {INTERVAL}"],
     )
 
 
-def ratio_table(comparison: Comparison, model: str, test: TestSet) -> Table:
-    """Mean errors of each baseline over those of the model."""
-    found = comparison.figures["sets"][test.name]
-    ratios = found["baseline_mse_over_model_mse"][model]
-    note = f"{FAIR_LTI}: for each state the better of {' and '.join(LTI_BASELINES)}."
-    notes = [note] if FAIR_LTI in ratios else []
-    if LINEAR in found["best_baseline"]:
-        best = found["best_baseline"][LINEAR]
-        notes.append(f"Best linear baseline in the geometric mean: {best}.")
-    title = f"MSE of each baseline over MSE of {model} on {test.size}: above 1, {model} is better"
-    return _ratio_table(title, "baseline", comparison, ratios, notes + _not_converged(comparison))
+def ratio_table(comparison: Comparison) -> Table:
+    """Mean squared errors of all others over those of the reference."""
+    reference, best = comparison.names[0], comparison.best_linear(comparison.parts[0].name)
+    others = [name for name in comparison.library if name != reference]
+    fair = f"{FAIR_LTI}: for each state the better of {' and '.join(LTI_BASELINES)}."
+    notes = [fair] if FAIR_LTI in others else []
+    notes += [f"Best linear baseline in the geometric mean: {best}."] if best else []
+    units = (f"{len(comparison.states)} states", f"without {PROGRESS}")
+    means = [Column("geometric mean", unit) for unit in units[: len(mean_names(comparison.states))]]
+    return _library_table(
+        comparison,
+        f"MSE of each model over MSE of {reference}; above 1, {reference} is better",
+        [*(Column(each.name) for each in comparison.states), *means],
+        others,
+        lambda rows: [
+            _cell(row.over_reference, row.over_reference_low, row.over_reference_high)
+            for row in rows
+        ],
+        notes,
+    )
 
 
-def conditions_table(comparison: Comparison, model: str) -> Table:
-    """Each slice of each series: the best linear baseline over the model, the model over itself."""
-    means, rows, has_linear = _mean_heads(comparison), list[Row](), bool(comparison.baselines)
-    for series in comparison.figures["series"].values():
-        unit = f", {series['unit']}" if series["unit"] else ""
-        sets = {part["set"] for part in series["slices"]}
-        of_set = f", {sets.pop()}" if len(sets) == 1 else ""
-        rows.append((f"{series['quantity']}{unit}{of_set}",))
-        for part in series["slices"]:
-            cells = [part["label"], f"{part['n_trajectories']}"]
-            if best := part["best_baseline"].get(LINEAR):
-                ratios = part["baseline_mse_over_model_mse"][model][best]
-                state = part["state_of_smallest_ratio"][model][best]
-                smallest = Cell(format_number(ratios[state]["value"]), state)
-                cells += [best, *interval_cells(means_of(ratios)), smallest]
-            elif has_linear:
-                cells += [NO_VALUE] * (2 + len(means))
-            growth = part["mse_over_library_mse"][model]
-            rows.append((*cells, *interval_cells(means_of(growth))))
-    columns = [Column("part", is_text=True), Column("trajectories")]
-    compared = f"MSE of {model} over its own on the whole {LIBRARY}"
-    if has_linear:
-        compared = f"MSE of the best linear baseline over that of {model}, and {compared}"
-        columns.append(Column("best linear", is_text=True, width="short"))
-        columns += [head._replace(title="MSE ratio") for head in means]
+def parts_table(comparison: Comparison, parts: Sequence[Part]) -> Table:
+    """On each part: the best linear baseline and other models over the reference."""
+    reference, *others = comparison.models
+    columns = [Column("part", is_text=True), Column("trajec-", "tories")]
+    if comparison.linear:
+        columns += [Column("best linear", is_text=True), Column("its MSE", "ratio")]
         columns.append(Column("smallest", "of a state"))
-    columns += [head._replace(title=f"over {LIBRARY}") for head in means]
-    return Table(f"{compared}; geometric means over the states", tuple(columns), tuple(rows))
+    columns += [*(Column(name, "MSE ratio") for name in others), Column("over the", "library")]
+    lines, n = list[Row](), len(comparison.states)
+    for part in parts:
+        cells = [part.name, f"{part.n_trajectories}"]
+        if best := comparison.best_linear(part.name):
+            rows = comparison.table[part.name, best]
+            ratios = np.array([row.over_reference for row in rows[:n]])
+            least = rows[int(np.argmin(np.nan_to_num(ratios, nan=np.inf)))]
+            smallest = f"{format_number(least.over_reference, 3)} {least.state}"
+            cells += [best, _inline(rows[n]), smallest]
+        cells += [_inline(comparison.table[part.name, name][n]) for name in others]
+        own = comparison.table[part.name, reference][n]
+        lines.append((*cells, format_number(own.over_library, 3)))
+    title = f"MSE over that of {reference} on each part, and its own over that on the library"
+    return Table(f"{title}; geometric means over the states", tuple(columns), tuple(lines))
 
 
-def means_of(ratios: Figures) -> list[Figures]:
-    """The geometric means that there are."""
-    return [ratios[name] for name in MEANS if name in ratios]
-
-
-def interval_cells(estimates: Iterable[Figures]) -> list[Cell]:
-    """The numbers of estimates with their intervals."""
-    cells = []
-    for value, low, high in (each.values() for each in estimates):
-        has_interval = low <= high < float("inf")
-        interval = f"{format_number(low, 3)}{NO_VALUE}{format_number(high, 3)}"
-        cells.append(Cell(format_number(value), interval if has_interval else ""))
-    return cells
-
-
-def _ratio_table(
-    title: str, first: str, comparison: Comparison, ratios: Figures, notes: Sequence[str]
-) -> Table:
-    states = (Column(each.name) for each in comparison.columns)
-    rows = {name: interval_cells(each.values()) for name, each in ratios.items()}
-    return _table(title, [first, *states, *_mean_heads(comparison)], rows, notes)
-
-
-def _table(
+def _library_table(
+    comparison: Comparison,
     title: str,
-    heads: Sequence[Column | str],
-    rows: Mapping[str, Sequence[Cell | str]],
-    notes: Sequence[str] = (),
+    columns: Iterable[Column],
+    names: Iterable[str],
+    cells_of: Callable[[Sequence[Errors]], Sequence[Cell | str]],
+    notes: Sequence[str],
 ) -> Table:
-    """A table whose rows have a name; a head without a unit is text: that of the names."""
-    columns = tuple(Column(each, is_text=True) if isinstance(each, str) else each for each in heads)
-    return Table(title, columns, tuple((name, *row) for name, row in rows.items()), (*notes,))
+    """A line for each of these models, made of its rows on the library."""
+    heads = (Column("model", is_text=True), *columns)
+    found = comparison.library
+    # Cells beyond the heads are those of the geometric means.
+    lines = tuple((name, *cells_of(found[name])[: len(heads) - 1]) for name in names)
+    late = [f"Not converged within the time of a fit: {', '.join(comparison.not_converged)}."]
+    notes = [*notes, *(late if comparison.not_converged else [])]
+    return Table(f"{title} on {comparison.parts[0].size}", heads, lines, tuple(notes))
 
 
-def _states(comparison: Comparison) -> list[Column]:
-    return [Column(each.name, each.unit) for each in comparison.columns]
+def _steps(comparison: Comparison) -> int:
+    """K, the length of the horizon."""
+    return len(next(iter(comparison.by_step.values())).value)
 
 
-def _squared(comparison: Comparison) -> list[Column]:
-    return [Column(each.name, each.squared_unit) for each in comparison.columns]
+def _cell(value: float, low: float, high: float) -> Cell:
+    """A number, with its interval in a second line."""
+    return Cell(format_number(value), _interval(low, high))
 
 
-def _mean_heads(comparison: Comparison) -> list[Column]:
-    """Heads of the geometric means."""
-    names = [column.name for column in comparison.columns]
-    has_progress = PROGRESS in names and len(names) > 1
-    units = (f"{len(names)} states", *([f"without {PROGRESS}"] if has_progress else []))
-    return [Column("geometric mean", unit) for unit in units]
+def _inline(row: Errors) -> str:
+    """A ratio to the reference with its interval in brackets."""
+    interval = _interval(row.over_reference_low, row.over_reference_high)
+    return format_number(row.over_reference, 3) + (f" ({interval})" if interval else "")
 
 
-def _values(estimates: Iterable[Figures]) -> list[str]:
-    return [format_number(each["value"]) for each in estimates]
-
-
-def _not_converged(comparison: Comparison) -> list[str]:
-    """A footnote if a baseline could have been trained for longer."""
-    names = ", ".join(comparison.not_converged)
-    return [f"Not converged within the time of a fit: {names}."] if names else []
+def _interval(low: float, high: float) -> str:
+    has_interval = low <= high < float("inf")
+    return f"{format_number(low, 3)}{NO_VALUE}{format_number(high, 3)}" if has_interval else ""

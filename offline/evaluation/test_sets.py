@@ -18,14 +18,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from offline.data.dataset import Dataset
 from offline.data.manifest import Imported, Origin
 from offline.data.recording import Starts, cut
 from offline.data.roads import roads_near_car
 from offline.data.signals import STANDARD_DEVIATIONS, Roles, Trajectories, noise_matrix, past_names
-from rt_controller.contract.arrays import Array
 from rt_controller.contract.errors import ConfigError, DatasetError
 from rt_controller.contract.signals import Schema
 
@@ -62,45 +60,10 @@ class TestSet:
     name: str
     description: str
     trajectories: Trajectories
-    curvature_per_m: Array | None
-    """(N,) of the road of each; None if the data have no roads, or each has its own"""
     data_sha256: str
     """hash of the data set that they are from"""
     is_of_logs: bool = False
     """recorded, not simulated"""
-
-    @property
-    def n_trajectories(self) -> int:
-        return len(self.trajectories.episode)
-
-    @property
-    def n_episodes(self) -> int:
-        return len(np.unique(self.trajectories.episode))
-
-    @property
-    def count(self) -> str:
-        """Number of trajectories and episodes, as text."""
-        episodes = "1 episode" if self.n_episodes == 1 else f"{self.n_episodes} episodes"
-        return f"{self.n_trajectories} trajectories of {episodes}"
-
-    @property
-    def size(self) -> str:
-        """The same with the name."""
-        name = "the logs held back for the test" if self.is_of_logs else self.name
-        return f"{name}, {self.count}"
-
-    @property
-    def curvatures_per_m(self) -> tuple[float, ...]:
-        """The different curvatures, ascending."""
-        if self.curvature_per_m is None:
-            return ()
-        return tuple(float(kappa) for kappa in np.unique(self.curvature_per_m))
-
-    def is_on_road(self, curvature_per_m: float) -> NDArray[np.bool_]:
-        """(N,) True for the trajectories on the roads of this curvature."""
-        none = np.full(self.n_trajectories, np.nan)
-        found = none if self.curvature_per_m is None else self.curvature_per_m
-        return np.asarray(found == curvature_per_m)
 
 
 def choose_sets(names: Sequence[str]) -> tuple[str, ...]:
@@ -169,8 +132,7 @@ def bends_sets(dataset: Dataset) -> list[TestSet]:
         chosen = (signed >= 1.0 / widest) & (signed <= 1.0 / tightest)
         description = f"the same drives in {side} bends, radius {tightest:g} to {widest:g} m"
         if chosen.any():
-            test = cut_set(dataset, f"{BENDS}-{side}", description, starts.take(chosen))
-            found.append(replace(test, curvature_per_m=None))
+            found.append(cut_set(dataset, f"{BENDS}-{side}", description, starts.take(chosen)))
     return found
 
 
@@ -230,9 +192,8 @@ def slices_of_test_part(dataset: Dataset, per_curvature: int | None = None) -> S
 def cut_set(dataset: Dataset, name: str, description: str, starts: Starts) -> TestSet:
     """The windows of these starts as a test set."""
     trajectories = cut(dataset.recording, starts, dataset.schema, dataset.roles)
-    curvature_per_m = starts.anchor and starts.anchor.curvature_per_m
     is_of_logs = isinstance(dataset.origin, Imported)
-    return TestSet(name, description, trajectories, curvature_per_m, dataset.sha256, is_of_logs)
+    return TestSet(name, description, trajectories, dataset.sha256, is_of_logs)
 
 
 def describe_source(origin: Origin) -> str:

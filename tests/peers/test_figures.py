@@ -132,7 +132,7 @@ def test_a_file_of_another_command_is_imported_under_its_piece(root):
 
 def test_an_evaluation_of_another_model_is_refused(tmp_path):
     file = tmp_path / "evaluation.json"
-    file.write_text(json.dumps({"sets": {}, "series": {}, "model_sha256": {"mdk-net": "0"}}))
+    file.write_text(json.dumps({"parts": [], "rows": [], "model_sha256": {"mdk-net": "0"}}))
     with pytest.raises(ConfigError, match="found those of another model"):
         read_import(file)
 
@@ -160,13 +160,18 @@ def test_the_figures_of_a_drive_have_its_settled_offset_and_its_stop(tmp_path):
     assert found["mode_changes"] >= 2  # low speed, standstill, STANDBY
 
 
-RATIO = {"vx": {"value": 2.0, "low": 1.0, "high": 3.0},
-         "geometric_mean": {"value": 2.0, "low": 1.0, "high": 3.0}}  # fmt: skip
-LIBRARY = {
-    "n_trajectories": 9,
-    "best_baseline": {"linear": "lti"},
-    "models": {"mdk-net": {"mse": {"vx_kmh_squared": {"value": 0.156}}}},
-    "baseline_mse_over_model_mse": {"mdk-net": {"lti": RATIO}},
+RATIO = {"over_reference": 2.0, "over_reference_low": 1.0, "over_reference_high": 3.0}
+EVALUATION = {
+    "reference": "mdk-net",
+    "parts": [
+        {"part": "library", "is_whole_set": True, "trajectories": 9, "best_linear": "lti"},
+        {"part": "library, slow", "is_whole_set": False, "best_linear": "lti"},
+    ],
+    "rows": [
+        {"part": "library", "model": model, "state": state, "unit": unit, "mse": 0.156, **RATIO}
+        for model in ("mdk-net", "lti")
+        for state, unit in (("vx", "km/h"), ("geometric_mean", ""))
+    ],
 }
 
 
@@ -181,9 +186,7 @@ LIBRARY = {
 def test_the_file_of_an_evaluation_becomes_tables(tmp_path, name, line):
     hashes = hashes_of(("mdk-net",))
     file = tmp_path / "found.json"
-    file.write_text(
-        json.dumps({"sets": {"library": LIBRARY}, "series": {}, "model_sha256": hashes})
-    )
+    file.write_text(json.dumps({**EVALUATION, "model_sha256": hashes}))
     piece, part = read_import(file)
     assert piece == TABLES[name][0]
     assert line in by_name(part.measure(), name, "name").splitlines()

@@ -168,5 +168,5 @@ def test_a_bundle_with_the_name_of_a_baseline_replaces_it(toy_dataset):
         comparison = compare_with_plain_baselines(bundle, toy_dataset)
         assert comparison.models == ("lti",)
         assert comparison.baselines == ("lti-per-curvature", "persistence")
-        errors.append(comparison.library["models"]["lti"]["mse"]["vx_kmh_squared"]["value"])
+        errors.append(comparison.library["lti"][0].mse)
     assert errors[0] > errors[1]

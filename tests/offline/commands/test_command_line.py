@@ -208,12 +208,10 @@ def test_the_commands_make_data_train_export_and_evaluate(command, tmp_path):
     library = ("--sets", "library", *baselines, "--json", "table.json")
     command(evaluate.main, *library)
     table = json.loads((tmp_path / "table.json").read_text())
-    library = table["sets"]["library"]
-    assert library["n_trajectories"] == 10
-    assert {"lti", "persistence"} < set(library["models"])
-    for model in library["models"].values():
-        assert len(model["mse"]) == 6
-        assert "yaw_rate_degps_squared" in model["mse"]
+    assert table["parts"][0]["trajectories"] == 10
+    rows = [row for row in table["rows"] if row["part"] == "library"]
+    assert {"lti", "persistence"} < {row["model"] for row in rows}
+    assert [row["unit"] for row in rows[:6]] == ["km/h", "km/h", "deg/s", "m", "m", "deg"]
     assert list(table["model_sha256"].values()) == [exported["model_sha256"]]
     assert table["revision"] == exported["revision"]
     command(export.main, "--baseline", "lti", "--output", "fitted")

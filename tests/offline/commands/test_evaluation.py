@@ -96,17 +96,15 @@ def test_several_models_are_evaluated_on_every_set(bundle_of, toy_folder, capsys
     assert figures["baselines"] == baselines
     assert figures["data_sha256"]
     assert figures["model_sha256"]["good"] != figures["model_sha256"]["bad"]
-    assert list(figures["sets"]) == [
+    assert [part["part"] for part in figures["parts"] if part["is_whole_set"]] == [
         "library", "new-roads", "bends-left",
         *(each.name for each in FEW), "braking", "noise-1", "noise-3",
     ]  # fmt: skip
-    assert next(iter(figures["series"])) == "sets"
-    assert {"friction", "mass", "noise"} <= set(figures["series"])
-    assert figures["class_of_baseline"] == {"lti": "linear"}
-    assert figures["sets"]["library"]["best_baseline"] == {"linear": "lti"}
+    assert figures["parts"][0]["best_linear"] == "lti"
     errors = {
-        name: model["mse"]["ey_m_squared"]["value"]
-        for name, model in figures["sets"]["library"]["models"].items()
+        row["model"]: row["mse"]
+        for row in figures["rows"]
+        if (row["part"], row["state"]) == ("library", "ey")
     }
     assert errors["good"] < errors["bad"]
     assert errors["persistence"] == errors["lti"]

@@ -2,28 +2,20 @@
 
 import numpy as np
 import pytest
-from toy_predictors import WithError, made_test_set, made_trajectories, with_random_error
+from toy_predictors import WithError, made_test_set, made_trajectories
 
 from offline.evaluation.bootstrap import estimate, mean_draws
 from offline.evaluation.comparison import compare_models
-from offline.evaluation.metrics import (
-    MEANS,
-    errors_on,
-    ratios_of,
-    state_units,
-)
+from offline.evaluation.metrics import absolute_errors, ratios_of, state_units
+from offline.evaluation.parts import whole_part
 from rt_controller.contract.signals import VEHICLE, Schema, Signal
 
 CAR = state_units(VEHICLE)
 
 
-def figures_of(model, test, schema=VEHICLE):
-    """Figures of the library, of a model on this test set."""
-    return compare_models({"m": model}, {}, [test], schema).library
-
-
-def values(by_state, part="value"):
-    return [each[part] for each in by_state.values()]
+def evaluated(model, made):
+    """Comparison of one model on these trajectories."""
+    return compare_models({"m": model}, {}, [whole_part(made_test_set(made))], VEHICLE)
 
 
 def test_errors_are_in_the_squared_units_of_the_papers_table():
@@ -31,11 +23,12 @@ def test_errors_are_in_the_squared_units_of_the_papers_table():
     made = made_trajectories(10)
     error = np.tile([1.0, -1.0, 1.0, 1.0, -1.0, 1.0], (10, 81, 1))
     error[:, 0] = 1e6
-    model = WithError(made, error)
-    found = figures_of(model, made_test_set(made))["models"]["m"]
+    rows = evaluated(WithError(made, error), made).library["m"][:6]
     degrees = np.degrees(1.0) ** 2
-    assert np.allclose(values(found["mse"]), [12.96, 12.96, degrees, 1.0, 1.0, degrees])
-    assert np.allclose(values(found["rms"]), np.sqrt(values(found["mse"])))
+    expected = [12.96, 12.96, degrees, 1.0, 1.0, degrees]
+    assert np.allclose([row.mse for row in rows], expected)
+    assert np.allclose([row.rms for row in rows], np.sqrt(expected))
+    assert [row.unit for row in rows] == ["km/h", "km/h", "deg/s", "m", "m", "deg"]
 
 
 def test_rms_error_is_given_for_each_step():
@@ -43,19 +36,10 @@ def test_rms_error_is_given_for_each_step():
     made = made_trajectories(20)
     error = np.zeros(made.x.shape)
     error[..., 4] = np.arange(81)
-    by_step = figures_of(WithError(made, error), made_test_set(made))["by_step"]["m"]["rms"]
-    assert np.allclose(by_step["ey_m"]["value"], np.arange(1, 81))
-    assert np.allclose(by_step["ey_m"]["low"], np.arange(1, 81))
-    assert by_step["vx_kmh"]["value"] == [0.0] * 80
-
-
-def test_pooled_errors_are_the_mean_of_those_on_each_road():
-    made = made_trajectories(40)
-    test = made_test_set(made, np.repeat([-1e-3, 0.0], [30, 10]))
-    found = figures_of(with_random_error(made), test)["models"]["m"]
-    right, straight = map(np.array, map(values, found["mse_by_curvature_per_m"].values()))
-    assert np.allclose(0.75 * right + 0.25 * straight, values(found["mse"]))
-    assert not np.allclose(right, straight)
+    found = evaluated(WithError(made, error), made).by_step["m"]
+    assert np.allclose(found.value[:, 4], np.arange(1, 81))
+    assert np.allclose(found.low[:, 4], np.arange(1, 81))
+    assert np.all(found.value[:, 0] == 0.0)
 
 
 def test_diverging_predictions_have_infinite_errors_and_are_counted():
@@ -64,11 +48,11 @@ def test_diverging_predictions_have_infinite_errors_and_are_counted():
     error[3, 40:, 0] = np.inf
     error[4, 40:, 0] = np.nan
     error[5, :, 1] = 1e200  # finite, but not its square
-    found = figures_of(WithError(made, error), made_test_set(made))
-    model = found["models"]["m"]
-    assert model["trajectories_without_finite_prediction"] == 2
-    assert np.isinf(values(model["mse"])).tolist() == [True, True, False, False, False, False]
-    by_step = np.array(found["by_step"]["m"]["rms"]["vx_kmh"]["value"])
+    comparison = evaluated(WithError(made, error), made)
+    rows = comparison.library["m"][:6]
+    assert rows[0].diverged == 2
+    assert [np.isinf(row.mse) for row in rows] == [True, True, False, False, False, False]
+    by_step = comparison.by_step["m"].value[:, 0]
     assert np.all(by_step[:39] == 0.0)
     assert np.all(np.isinf(by_step[39:]))
 
@@ -82,7 +66,7 @@ def test_a_model_gets_the_inputs_curvature_and_past_of_each_trajectory():
             seen.update(x0=x0, past=past, U=U, W=W)
             return made.x.astype(float)
 
-    errors_on(Watching(), made_test_set(made), CAR)
+    absolute_errors(Watching(), made_test_set(made), CAR)
     assert np.array_equal(seen["x0"], made.x[:, 0])
     for name, array in (("past", made.past), ("U", made.u), ("W", made.w)):
         assert np.array_equal(seen[name], array)
@@ -94,19 +78,19 @@ def units_of(*states):
 
 
 @pytest.mark.parametrize(
-    ("state", "name", "unit", "key"),
+    ("state", "name", "unit"),
     [
-        (("temperature_k", "K"), "temperature", "K", "temperature_k"),
-        (("ax_mps2", "m/s^2"), "ax", "m/s^2", "ax_mps2"),
-        (("curvature_per_m", "1/m"), "curvature", "1/m", "curvature_per_m"),
-        (("gear", "1"), "gear", "1", "gear"),
-        (("charge", ""), "charge", "", "charge"),
-        (("speed", "m/s"), "speed", "km/h", "speed_kmh"),
+        (("temperature_k", "K"), "temperature", "K"),
+        (("ax_mps2", "m/s^2"), "ax", "m/s^2"),
+        (("curvature_per_m", "1/m"), "curvature", "1/m"),
+        (("gear", "1"), "gear", "1"),
+        (("charge", ""), "charge", ""),
+        (("speed", "m/s"), "speed", "km/h"),
     ],
 )
-def test_other_states_keep_their_unit_unless_it_is_m_per_s_or_rad(state, name, unit, key):
+def test_other_states_keep_their_unit_unless_it_is_m_per_s_or_rad(state, name, unit):
     (column,) = units_of(state)
-    assert (column.name, column.unit, column.key) == (name, unit, key)
+    assert (column.name, column.unit) == (name, unit)
 
 
 def draws(*values, count=5):
@@ -114,7 +98,7 @@ def draws(*values, count=5):
 
 
 def means(found):
-    return [found[name]["value"] for name in MEANS if name in found]
+    return found.value[6:].tolist()
 
 
 def test_the_second_mean_leaves_out_progress():

@@ -11,8 +11,15 @@ from toy_predictors import WithError, made_test_set, made_trajectories, with_ran
 from offline.evaluation import lane_change, page
 from offline.evaluation.comparison import compare_models
 from offline.evaluation.model_card import model_facts, write_card
-from offline.evaluation.series import Series, Slice
-from offline.evaluation.tables import comparison_tables, headline, mse_table, ratio_table
+from offline.evaluation.parts import Part, whole_part
+from offline.evaluation.tables import (
+    all_tables,
+    headline,
+    mse_table,
+    parts_table,
+    ratio_table,
+    screen_tables,
+)
 from offline.model.export_checks import BoxStability, DrivenStability, ExportFigures
 from rt_controller.contract.figures import write_figures
 from rt_controller.contract.signals import VEHICLE, Schema, Signal
@@ -25,25 +32,18 @@ from rt_controller.report.table import Fact, format_number
 from sim_bridge.scenario import load_scenario
 
 MADE = made_trajectories(60)
-CURVATURE = np.repeat([-4e-3, 0.0, 4e-3], 20)
 
 
 def made_comparison(baselines, **models):
-    """On three sets, with a series of two slices."""
-    sets = [
-        made_test_set(MADE, CURVATURE),
-        made_test_set(MADE.take(slice(0, 40)), CURVATURE[:40] + 1e-3, "new-roads"),
-        made_test_set(MADE.take(slice(20, 60)), CURVATURE[20:], "robustness"),
-    ]
-    rows = np.arange(60) < 20
-    slices = (Slice("0 to 9", "library", rows), Slice("9 to 16", "library", ~rows))
+    """On two sets, and on a slice of the first."""
+    library = whole_part(made_test_set(MADE))
+    robustness = whole_part(made_test_set(MADE.take(slice(20, 60)), "robustness"))
     return compare_models(
         {"mdk-net": with_random_error(MADE), **models},
         baselines,
-        sets,
+        [library, robustness, Part("slow", "", library.test, np.arange(60) < 20)],
         VEHICLE,
-        classes={name: "recurrent" if name == "persistence" else "linear" for name in baselines},
-        series=[Series("sideslip", "peak sideslip", "deg", "library", slices)],
+        linear=[name for name in baselines if name != "persistence"],
     )
 
 
@@ -58,11 +58,6 @@ def comparison():
     return made_comparison(baselines, **{"linear/mdk-net": with_random_error(MADE, 1.3, seed=1)})
 
 
-@pytest.fixture(scope="module")
-def figures(comparison):
-    return comparison.figures
-
-
 def numbers_in(figures):
     """Every number of a JSON tree, formatted as in tables."""
     if isinstance(figures, dict | list):
@@ -75,47 +70,54 @@ def numbers_in(figures):
     return set()
 
 
-def test_every_number_of_the_tables_is_in_the_json(comparison, figures):
-    written = numbers_in(figures)
-    tables = comparison_tables(comparison)
-    assert len(tables) == 2 + 2 * 2
-    for table in tables:
+def test_every_number_of_the_tables_is_in_the_json(comparison):
+    written = numbers_in(comparison.figures()) | {"–"}
+    for table in [*all_tables(comparison), *screen_tables(comparison)]:
         for _, *cells in table.rows:
             for cell in cells:
                 text, detail = (cell, "") if isinstance(cell, str) else cell[:2]
-                assert {text, *filter(None, detail.split("–"))} <= written, (table.title, cell)
+                value, _, interval = text.partition(" (")
+                ends = [*detail.split("–"), *interval.removesuffix(")").split("–")]
+                texts = {value, *filter(None, ends)}
+                assert texts <= written or set(value.split()) <= written, (table.title, cell)
 
 
-def test_json_is_indexed_by_model_state_and_unit(figures):
-    library = figures["sets"]["library"]
-    assert (library["n_trajectories"], library["n_episodes"]) == (60, 12)
-    model = library["models"]["linear/mdk-net"]
-    assert set(model["mse"]["vx_kmh_squared"]) == {"value", "low", "high"}
-    assert set(model["mse_by_curvature_per_m"]) == {"-0.004", "0", "0.004"}
-    ratio = library["baseline_mse_over_model_mse"]["mdk-net"]["lti"]
-    assert {"vx", "geometric_mean", "geometric_mean_without_ds"} <= set(ratio)
+def test_one_screen_has_the_errors_and_all_test_sets(comparison):
+    errors, parts = screen_tables(comparison)
+    assert [row[0] for row in errors.rows] == [*comparison.names]
+    assert [row[0] for row in parts.rows] == ["library", "robustness"]
+    assert "slow" in [row[0] for row in all_tables(comparison)[-1].rows]
+
+
+def test_the_smallest_ratio_of_a_part_is_that_of_the_state_where_the_model_leads_least():
+    baseline = WithError(MADE, np.array([4.0, 3.0, np.nan, 9.0, 2.0, np.inf]))
+    library = whole_part(made_test_set(MADE))
+    models = {"m": WithError(MADE, np.ones(6))}, {"other": baseline}
+    comparison = compare_models(*models, [library], VEHICLE, linear=["other"])
+    ((*_, smallest, _),) = parts_table(comparison, [library]).rows
+    assert smallest == "4 ey"
 
 
 def test_errors_of_a_diverging_model_are_null_in_json_and_named_below_the_table(tmp_path):
     error = np.zeros(MADE.x.shape)
     error[0, 3:] = np.inf
     broken = {"broken": WithError(MADE, error)}
-    comparison = compare_models(broken, {}, [made_test_set(MADE)], VEHICLE)
-    write_figures(tmp_path / "figures.json", comparison.figures)
-    figures = json.loads((tmp_path / "figures.json").read_text())
-    model = figures["sets"]["library"]["models"]["broken"]
-    assert model["mse"]["vx_kmh_squared"]["value"] is None
-    assert model["trajectories_without_finite_prediction"] == 1
-    assert "broken on 1" in mse_table(comparison, comparison.sets[0]).footnotes[0]
+    comparison = compare_models(broken, {}, [whole_part(made_test_set(MADE))], VEHICLE)
+    write_figures(tmp_path / "figures.json", comparison.figures())
+    row = json.loads((tmp_path / "figures.json").read_text())["rows"][0]
+    assert (row["state"], row["unit"], row["trajectories"]) == ("vx", "km/h", 60)
+    assert row["mse"] is None
+    assert row["diverged"] == 1
+    assert "broken on 1" in mse_table(comparison).footnotes[0]
 
 
 def test_a_baseline_that_did_not_converge_is_named_below_tables_and_in_json():
-    library = made_test_set(MADE)
+    library = whole_part(made_test_set(MADE))
     models = {"m": with_random_error(MADE)}, {"gru": with_random_error(MADE, 2.0)}
     comparison = compare_models(*models, [library], VEHICLE, not_converged=("gru",))
-    for table in (mse_table(comparison, library), ratio_table(comparison, "m", library)):
+    for table in (mse_table(comparison), ratio_table(comparison)):
         assert any("Not converged" in note and "gru" in note for note in table.footnotes)
-    assert comparison.figures["not_converged"] == ["gru"]
+    assert comparison.figures()["not_converged"] == ["gru"]
 
 
 @pytest.fixture(scope="module")
@@ -135,7 +137,7 @@ def made_page(shown, predicted):
 
 def test_page_shows_the_first_table(shown):
     html = made_page(shown, shown.names)
-    for _, *cells in mse_table(shown, shown.sets[0]).rows:
+    for _, *cells in mse_table(shown).rows:
         assert all(f"{cell.text}<br><small>{cell.detail}</small>" in html for cell in cells)
     assert html.index(headline(shown)) < html.index("<table")
 
@@ -154,7 +156,7 @@ def test_data_of_other_states_without_roads_have_a_page_without_a_lane_change(lt
     shown = compare_models(
         {"m": with_random_error(made)},
         {"n": with_random_error(made, 2.0)},
-        [made_test_set(made)],
+        [whole_part(made_test_set(made))],
         schema,
     )
     html = render_page(page.evaluation_page(shown, [lti], None))
@@ -182,7 +184,7 @@ def test_card_has_facts_hashes_and_every_error_with_its_interval(lti):
     made = made_trajectories(60)
     models = {"lti": with_random_error(made)}
     baselines = {"persistence": with_random_error(made, 2.0)}
-    comparison = compare_models(models, baselines, [made_test_set(made)], VEHICLE)
+    comparison = compare_models(models, baselines, [whole_part(made_test_set(made))], VEHICLE)
     card = write_card(lti, CHECKS, comparison, [Fact("preset", "tiny")])
     for text in ("| preset | tiny |", lti.sha256, "1.00070", "6.25", "0.99940", "5.5", "1.01230",
                  "17.5", "2.5e-07", "vx_mps 1.5", "epsi_rad 650", "are not known"):  # fmt: skip
@@ -192,10 +194,9 @@ def test_card_has_facts_hashes_and_every_error_with_its_interval(lti):
     known = write_card(replace(lti, validity=validity), CHECKS, comparison, [])
     for text in ("| 14 | 4 | 229 | 0.04 |", "| friction | 0.5 to 1 |", "| grade | 0 % |"):
         assert text in known
-    for model in comparison.library["models"].values():
-        value, low, high = model["mse"]["ey_m_squared"].values()
-        interval = f"{format_number(low, 3)}–{format_number(high, 3)}"
-        assert f"{format_number(value)} ({interval})" in card
+    for rows in comparison.library.values():
+        interval = f"{format_number(rows[4].mse_low, 3)}–{format_number(rows[4].mse_high, 3)}"
+        assert f"{format_number(rows[4].mse)} ({interval})" in card
 
 
 def test_card_says_what_the_lift_uses_and_how_the_inputs_act(lti):

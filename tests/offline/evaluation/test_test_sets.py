@@ -12,7 +12,7 @@ from offline.data.recording import Starts
 from offline.data.signals import STANDARD_DEVIATIONS, VEHICLE_ROLES, Roles, past_names
 from offline.evaluation import simulated_sets
 from offline.evaluation.lane_change import WINDOWS, drive_lane_change
-from offline.evaluation.series import make_series
+from offline.evaluation.parts import parts_of, whole_part
 from offline.evaluation.simulated_sets import (
     BY_FRICTION,
     BY_MASS_FACTOR,
@@ -54,20 +54,24 @@ def without_roads(toy_dataset):
     return replace(toy_dataset, recording=recording, slices=slices, manifest=manifest)
 
 
+def roads_of(test):
+    """The different curvatures in 1/m, ascending."""
+    return np.unique(test.trajectories.w[:, 0, 0])
+
+
 def test_the_library_has_test_episodes_only(toy_dataset):
     found = library_set(toy_dataset)
     assert set(found.trajectories.episode) == set(toy_dataset.episodes("test"))
-    assert found.curvatures_per_m == (-4e-3, 0.0, 4e-3)
-    assert np.allclose(found.trajectories.w[:, 0, 0], found.curvature_per_m)
+    assert roads_of(found) == pytest.approx([-4e-3, 0.0, 4e-3])
 
 
 def test_new_roads_have_the_same_drives(toy_dataset):
     """Motion and inputs are equal on all roads."""
     library, new = library_set(toy_dataset), new_roads_set(toy_dataset)
-    n = library.n_trajectories
-    assert new.curvatures_per_m == (-1e-3, 1e-3, 3e-3)
-    assert new.n_trajectories == 3 * n
-    assert new.n_episodes == library.n_episodes
+    n = len(library.trajectories.episode)
+    assert roads_of(new) == pytest.approx([-1e-3, 1e-3, 3e-3])
+    assert whole_part(new).n_trajectories == 3 * n
+    assert whole_part(new).n_episodes == whole_part(library).n_episodes
     for road in range(3):
         laid = new.trajectories.take(slice(road * n, (road + 1) * n))
         assert np.array_equal(laid.x[..., :3], library.trajectories.x[..., :3])
@@ -79,7 +83,8 @@ def test_new_roads_have_the_same_drives(toy_dataset):
 def test_curvatures_of_the_library_are_not_among_the_new_ones(toy_dataset):
     roads = Roads((-1e-3, 0.0, 1e-3), 2.0, 0.15)
     manifest = replace(toy_dataset.manifest, roads=roads)
-    assert new_roads_set(replace(toy_dataset, manifest=manifest)).curvatures_per_m == (3e-3,)
+    few = new_roads_set(replace(toy_dataset, manifest=manifest))
+    assert roads_of(few) == pytest.approx([3e-3])
     every = replace(toy_dataset.manifest, roads=Roads((-1e-3, 1e-3, 3e-3), 2.0, 0.15))
     assert new_roads_set(replace(toy_dataset, manifest=every)) is None
 
@@ -91,15 +96,13 @@ def test_bends_are_of_one_side_and_of_radii_that_a_car_can_drive(toy_dataset):
     for test in found:
         curvature = test.trajectories.w[:, 0, 0] * (1.0 if test.name == "bends-left" else -1.0)
         assert np.all((curvature >= 1.0 / 250.0) & (curvature <= 1.0 / 8.0))
-        assert test.curvature_per_m is None
         episodes = toy_dataset.episodes("test")
         assert np.isin(test.trajectories.episode, episodes).all()
 
 
 def test_data_without_roads_have_a_library_and_no_new_roads(without_roads):
     library = library_set(without_roads)
-    assert library.curvatures_per_m == ()
-    assert library.n_trajectories == 5 * len(without_roads.episodes("test"))
+    assert whole_part(library).n_trajectories == 5 * len(without_roads.episodes("test"))
     assert new_roads_set(without_roads) is None
     assert bends_sets(without_roads) == []
 
@@ -125,7 +128,7 @@ def own_cache(monkeypatch, tmp_path):
 def test_the_data_are_made_once_and_used_whole(monkeypatch):
     few = replace(BY_NAME[ROBUSTNESS], episodes=3)
     dataset, test = open_simulated_set(few)
-    assert (test.n_trajectories, test.n_episodes) == (15, 3)
+    assert (whole_part(test).n_trajectories, whole_part(test).n_episodes) == (15, 3)
     assert "road friction 0.5 to 1, mass times 0.85 to 1.15" in test.description
     monkeypatch.setattr(simulated_sets, "make_dataset", None)
     assert open_simulated_set(few)[0].sha256 == dataset.sha256
@@ -165,18 +168,21 @@ COUNT = 20
 def made_set(name="library", count=COUNT, **columns):
     """Trajectories at 20 m/s, straight and without pedals, but for these (count, K) columns."""
     made = made_trajectories(count)
-    x, u = np.zeros_like(made.x), np.zeros_like(made.u)
+    x, u, w = (np.zeros_like(array) for array in made[:3])
     x[..., 0] = 20.0
     for column, values in columns.items():
         if column in VEHICLE.state_names:
             x[..., VEHICLE.state_names.index(column)] = values
         else:
             u[..., VEHICLE.input_names.index(column)] = values
-    return made_test_set(made._replace(x=x, u=u), name=name)
+    return made_test_set(made._replace(x=x, u=u, w=w), name=name)
 
 
-def signal_of(*sets):
-    return {series.name: series for series in make_series(sets, VEHICLE)}
+def slices_of(*sets):
+    """Name and number of trajectories of the parts that are not whole sets."""
+    parts = parts_of(sets, VEHICLE)
+    assert [part.name for part in parts[: len(sets)]] == [test.name for test in sets]
+    return {part.name: part.n_trajectories for part in parts[len(sets) :]}
 
 
 def test_sideslip_is_the_largest_of_either_side_within_the_two_seconds():
@@ -184,46 +190,41 @@ def test_sideslip_is_the_largest_of_either_side_within_the_two_seconds():
     vy = np.zeros((COUNT, 81))
     angles_deg = [-3.0, 3.0, 5.0, -5.0, 7.0, -7.0, 10.0, -10.0, 14.0, -14.0]
     vy[10:, 33] = 20.0 * np.tan(np.radians(angles_deg))
-    slices = signal_of(made_set(vy_mps=vy))["sideslip"].slices
-    assert [(part.label, int(part.rows.sum())) for part in slices] == [
-        ("0 to 2", 10), ("2 to 4", 2), ("4 to 6", 2), ("6 to 9", 2), ("9 to 16", 4),
-    ]  # fmt: skip
-    assert all(part.of == "library" for part in slices)
+    counts = {"0 to 2": 10, "2 to 4": 2, "4 to 6": 2, "6 to 9": 2, "9 to 16": 4}
+    assert slices_of(made_set(vy_mps=vy)) == {
+        f"library, largest sideslip {limits} deg": count for limits, count in counts.items()
+    }
 
 
-def test_braking_is_none_light_hard_and_straight():
+def test_braking_is_none_light_and_hard():
     brake_n = np.zeros((COUNT, 80))
     brake_n[5:, 40] = 30.0
     brake_n[12:, 41] = 75.0
-    found = signal_of(made_set(brake_n=brake_n), made_set("braking", 7))["braking"].slices
-    assert [(part.label, part.of, int(part.rows.sum())) for part in found] == [
-        ("none", "library", 5),
-        ("below 75 N", "library", 7),
-        ("75 N and more", "library", 8),
-        ("straight, 150 N", "braking", 7),
-    ]
+    assert slices_of(made_set(brake_n=brake_n), made_set("braking", 7)) == {
+        "library, largest brake 0 N": 5,
+        "library, largest brake 0 to 75 N": 7,
+        "library, largest brake 75 N and more": 8,
+    }
 
 
-def test_first_speeds_of_the_library_are_followed_by_those_of_the_fast_set():
+def test_first_speeds_are_parts_of_the_library_and_of_the_fast_set():
     first_kmh = np.append(np.linspace(20.0, 140.0, COUNT - 1), 250.0)
     library = made_set(vx_mps=first_kmh[:, None] / 3.6)
     fast = made_set("fast", 4, vx_mps=np.array([[120.0], [140.0], [160.0], [170.0]]) / 3.6)
-    found = signal_of(library, fast)["speed"].slices
-    assert [part.label for part in found] == [
-        "0 to 50", "50 to 80", "80 to 110", "110 to 145", "145 and more",
-        "130 to 150", "150 to 180",
-    ]  # fmt: skip
-    assert sum(int(part.rows.sum()) for part in found) == COUNT + 3
+    found = slices_of(library, fast)
+    assert [*found][-3:] == [
+        "library, first speed 145 km/h and more",
+        "fast, first speed 130 to 150 km/h",
+        "fast, first speed 150 to 180 km/h",
+    ]
+    assert sum(found.values()) == COUNT + 3
 
 
-def test_whole_sets_are_ordered_by_friction_mass_and_noise():
-    names = ("library", "friction-0.5", "friction-1", "nominal", "mass-1.15", "noise-1", "noise-3")
-    found = signal_of(*(made_set(name) for name in names))
-    labels = {name: [part.label for part in series.slices] for name, series in found.items()}
-    assert labels["friction"] == ["1", "0.85", "0.5"]
-    assert labels["mass"] == ["1", "1.15"]
-    assert labels["noise"] == ["0", "1", "3"]
-    assert labels["sets"] == ["library"]
+def test_each_road_of_the_library_is_a_part(toy_dataset):
+    found = slices_of(library_set(toy_dataset))
+    roads = [name for name in found if "curvature" in name]
+    assert roads == [f"library, curvature {kappa} 1/m" for kappa in ("-0.004", "0", "0.004")]
+    assert sum(found[name] for name in roads) == len(library_set(toy_dataset).trajectories.episode)
 
 
 @pytest.fixture(scope="module")
@@ -277,7 +278,7 @@ def test_levels_are_sorted_positive_and_finite_and_each_is_used_once():
 
 def test_data_without_a_test_part_are_refused_and_few_of_each_curvature_can_be_taken(toy_dataset):
     few = library_set(toy_dataset, per_curvature=3)
-    assert {3} == set(np.unique(few.curvature_per_m, return_counts=True)[1])
+    assert {3} == set(np.unique(few.trajectories.w[:, 0, 0], return_counts=True)[1])
     learned = replace(toy_dataset, part=np.zeros_like(toy_dataset.part))
     with pytest.raises(DatasetError, match="test trajectories"):
         library_set(learned)

@@ -19,9 +19,9 @@ def made_trajectories(count, steps=80, states=6, slices=5, seed=0):
     )
 
 
-def made_test_set(trajectories, curvature_per_m=None, name="library"):
+def made_test_set(trajectories, name="library"):
     """These trajectories as a test set."""
-    return test_sets.TestSet(name, "random", trajectories, curvature_per_m, "0" * 64)
+    return test_sets.TestSet(name, "random", trajectories, "0" * 64)
 
 
 class WithError:
