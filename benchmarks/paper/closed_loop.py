@@ -81,7 +81,7 @@ def figure_4() -> Element:
         "Another car. The cost of the paper is eq. (14) over 20 periods, R on the changes of the "
         "inputs, with weights chosen here: the paper prints none, and no errors.",
         {f"RMS of the lateral error, {lti} / {mdk_net}": {"here": ratio}},
-        {"errors of the car": rows},
+        {"paper_closed_loop": rows},
         {"figure-4": Plot(_draw(drives), "Dashed: the reference.")},
     )
 
@@ -128,5 +128,5 @@ def computation_time() -> Element:
         "The paper's is of MATLAB on a Core i7-1165G7, this one of one core of this machine, with "
         "the dry run before each plan: only the ratio is comparable.",
         {**summary, " / ".join(OF_PAPER): ratio},
-        {"time of plans": rows},
+        {"paper_times": rows},
     )

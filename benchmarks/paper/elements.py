@@ -63,7 +63,7 @@ class Element:
     summary: Figures = field(default_factory=dict)
     """its main numbers: {here, paper} by name, without paper if it prints none"""
     tables: Mapping[str, Figures] = field(default_factory=dict)
-    """by title: rows by name, each with the same columns"""
+    """by name of the block in the documents: rows by name, each with the same columns"""
     plots: Mapping[str, Plot] = field(default_factory=dict)
     """by the name of the file"""
 
@@ -71,10 +71,14 @@ class Element:
         """A row for each main number, or one without numbers."""
         summary = self.summary or {"nothing to measure": {}}
         return {
-            f"{self.place}: {name}": {
-                "shows": self.shows,
-                "paper, with CarSim": values.get("paper"),
-                "here, with another car": values.get("here"),
+            f"{self.place}: {self.shows}; {name}": {
+                "paper, CarSim": values.get("paper"),
+                "here, another car": values.get("here"),
             }
             for name, values in summary.items()
         }
+
+    def figures(self) -> Figures:
+        """Texts and numbers, for JSON."""
+        texts = {"place": self.place, "shows": self.shows, "differs": self.differs}
+        return {**texts, "summary": self.summary, "tables": dict(self.tables)}

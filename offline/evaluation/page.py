@@ -57,9 +57,7 @@ def evaluation_page(
             f"{driven.description}. The models start from the measured state every 2 s, at the "
             "dotted lines, and get the inputs only. Curves of baselines may leave the panels."
         )
-        plot = Plot(
-            lane_change_plot(driven, predicted, comparison.models, comparison.baselines)
-        )
+        plot = Plot(lane_change_plot(driven, predicted, comparison.models, comparison.baselines))
         sections.append(Section("Double lane change, open loop", (text, plot)))
     first: tuple[Part, ...] = (headline(comparison), Plot(rms_over_time(comparison), caption))
     title = f"Prediction errors of {', '.join(names)}"
