@@ -24,16 +24,12 @@ from rt_controller.terminal.command_line import run_command
 Name = Literal["table-1", "algorithm-1", "table-2", "figure-3", "figure-4", "computation-time"]
 MEASURES: dict[Name, Callable[[Path], Element]] = {
     "table-1": lambda output: training.table_1(),
-    "table-2": lambda output: prediction.table_2(),
+    "algorithm-1": lambda output: training.algorithm_1(output / "training"),
+    "table-2": lambda output: prediction.table_2(output / "training"),
     "figure-3": lambda output: prediction.figure_3(),
     "figure-4": lambda output: closed_loop.figure_4(),
     "computation-time": lambda output: closed_loop.computation_time(),
-    "algorithm-1": lambda output: training.algorithm_1(output / "training"),
 }
-SKETCHES = (
-    Element("Figure 1", "the Frenet frame, a sketch"),
-    Element("Figure 2", "the parts of the method, a sketch"),
-)
 COMPARABLE = (
     "The car of the paper is CarSim's, here it is the simulated car of this repository, so no "
     "number is comparable with the paper's; a ratio of two models is comparable in kind."
@@ -76,7 +72,7 @@ def main(
         wall_s[name] = time.monotonic() - begun
         console.print(f"{name}: {wall_s[name]:.0f} s", highlight=False)
     overview = Figures()
-    for element in (*SKETCHES, *found.values()):
+    for element in found.values():
         overview |= element.overview()
     table = rows_table(overview, "in the paper")
     print_table(table, Console())
@@ -86,7 +82,10 @@ def main(
     page = output / "paper.html"
     write_text(page, render_page(_page(table, found.values())))
     Console().print(f"{COMPARABLE}\n{page}", soft_wrap=True, highlight=False)
-    figures = {name: element.figures() for name, element in found.items()}
+    figures = {
+        name: {"shows": each.shows, "summary": each.summary, "tables": dict(each.tables)}
+        for name, each in found.items()
+    }
     made_with = {"revision": source_revision(), "model_sha256": hashes_of(prediction.MODELS)}
     write_figures(json, {**made_with, "wall_s": wall_s, "overview": overview, **figures})
 
@@ -98,8 +97,8 @@ def _page(table: Table, elements: Iterable[Element]) -> Page:
             rows_table(rows, "", title=name.removeprefix("paper_").replace("_", " "))
             for name, rows in each.tables.items()
         )
-        parts: tuple[Part, ...] = (each.differs, *tables, *each.plots.values())
-        sections.append(Section(f"{each.place}: {each.shows}", parts))
+        parts: tuple[Part, ...] = (f"Shows {each.shows}", *tables, *each.plots.values())
+        sections.append(Section(each.place, parts))
     title = "Tables and figures of the MDK-Net paper"
     return Page(title, tuple(sections), (COMPARABLE, table))
 

@@ -77,9 +77,9 @@ def figure_4() -> Element:
     ratio = rows[lti]["ey_rms_m"] / rows[mdk_net]["ey_rms_m"]
     return Element(
         "Figure 4",
-        "double lane change in closed loop: states and inputs of each controller",
-        "Another car. The cost of the paper is eq. (14) over 20 periods, R on the changes of the "
-        "inputs, with weights chosen here: the paper prints none, and no errors.",
+        "double lane change in closed loop, here of another car. The cost of the paper is eq. (14) "
+        "over 20 periods, R on the changes of the inputs, with weights chosen here: the paper "
+        "prints none, and no errors.",
         {f"RMS of the lateral error, {lti} / {mdk_net}": {"here": ratio}},
         {"paper_closed_loop": rows},
         {"figure-4": Plot(_draw(drives), "Dashed: the reference.")},
@@ -124,9 +124,9 @@ def computation_time() -> Element:
     ratio = {which: mdk_net[which] / lti[which] for which in mdk_net}
     return Element(
         "Section IV-A",
-        f"computation time of {STEPS} plans",
-        "The paper's is of MATLAB on a Core i7-1165G7, this one of one core of this machine, with "
-        "the dry run before each plan: only the ratio is comparable.",
+        f"computation time of {STEPS} plans, in the paper of MATLAB on a Core i7-1165G7, here of "
+        "one core of this machine, with the dry run before each plan: only the ratio is "
+        "comparable.",
         {**summary, " / ".join(OF_PAPER): ratio},
         {"paper_times": rows},
     )

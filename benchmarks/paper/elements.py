@@ -53,32 +53,25 @@ def beside(here: Mapping[str, Any], paper: Mapping[str, Any]) -> Figures:
 
 @dataclass(frozen=True, slots=True)
 class Element:
-    """A table or figure of the paper, and what was found here."""
+    """A table, figure or algorithm of the paper, and what was found here."""
 
     place: str
     """its number in the paper"""
     shows: str
-    differs: str = ""
-    """what is not as in the paper"""
-    summary: Figures = field(default_factory=dict)
+    """what it shows, and what differs here"""
+    summary: Figures
     """its main numbers: {here, paper} by name, without paper if it prints none"""
-    tables: Mapping[str, Figures] = field(default_factory=dict)
+    tables: Mapping[str, Figures]
     """by name of the block in the documents: rows by name, each with the same columns"""
     plots: Mapping[str, Plot] = field(default_factory=dict)
     """by the name of the file"""
 
     def overview(self) -> Figures:
-        """A row for each main number, or one without numbers."""
-        summary = self.summary or {"nothing to measure": {}}
+        """A row for each main number."""
         return {
-            f"{self.place}: {self.shows}; {name}": {
+            f"{self.place}: {name}": {
                 "paper, CarSim": values.get("paper"),
-                "here, another car": values.get("here"),
+                "here, another car": values["here"],
             }
-            for name, values in summary.items()
+            for name, values in self.summary.items()
         }
-
-    def figures(self) -> Figures:
-        """Texts and numbers, for JSON."""
-        texts = {"place": self.place, "shows": self.shows, "differs": self.differs}
-        return {**texts, "summary": self.summary, "tables": dict(self.tables)}
