@@ -85,7 +85,7 @@ def _text(x: Any) -> str:
     if isinstance(x, list | tuple):
         return ", ".join(map(_text, x))
     if isinstance(x, dict) and "here" in x:
-        return f"{_text(x['here'])} (paper {_text(x['paper'])})"
+        return f"{_text(x['here'])}, paper {format_number(x['paper'], 7)}"
     if isinstance(x, dict) and "low" in x:
         return f"{_text(x['value'])} ({_text(x['low'])} to {_text(x['high'])})"
     number = x["median"] if isinstance(x, dict) else x

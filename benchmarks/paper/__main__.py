@@ -97,7 +97,7 @@ def _page(table: Table, elements: Iterable[Element]) -> Page:
             rows_table(rows, "", title=name.removeprefix("paper_").replace("_", " "))
             for name, rows in each.tables.items()
         )
-        parts: tuple[Part, ...] = (f"Shows {each.shows}", *tables, *each.plots.values())
+        parts: tuple[Part, ...] = (each.shows, *tables, *each.plots.values())
         sections.append(Section(each.place, parts))
     title = "Tables and figures of the MDK-Net paper"
     return Page(title, tuple(sections), (COMPARABLE, table))

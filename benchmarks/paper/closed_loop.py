@@ -77,7 +77,7 @@ def figure_4() -> Element:
     ratio = rows[lti]["ey_rms_m"] / rows[mdk_net]["ey_rms_m"]
     return Element(
         "Figure 4",
-        "double lane change in closed loop, here of another car. The cost of the paper is eq. (14) "
+        "Double lane change in closed loop, here of another car. The cost of the paper is eq. (14) "
         "over 20 periods, R on the changes of the inputs, with weights chosen here: the paper "
         "prints none, and no errors.",
         {f"RMS of the lateral error, {lti} / {mdk_net}": {"here": ratio}},
@@ -124,7 +124,7 @@ def computation_time() -> Element:
     ratio = {which: mdk_net[which] / lti[which] for which in mdk_net}
     return Element(
         "Section IV-A",
-        f"computation time of {STEPS} plans, in the paper of MATLAB on a Core i7-1165G7, here of "
+        f"Computation time of {STEPS} plans, in the paper of MATLAB on a Core i7-1165G7, here of "
         "one core of this machine, with the dry run before each plan: only the ratio is "
         "comparable.",
         {**summary, " / ".join(OF_PAPER): ratio},

@@ -69,7 +69,7 @@ def table_2(folder: Path) -> Element:
     means = {name: row["geometric_mean"] for name, row in ratios.items()}
     return Element(
         "Table II",
-        f"errors of open-loop predictions over 80 steps, here on {test.count} with wheel angles "
+        f"Errors of open-loop predictions over 80 steps, here on {test.count} with wheel angles "
         f"up to {LARGEST_STEER_DEG:g} deg, as in the paper, in another car: errors are not "
         "comparable, ratios only in kind. mdk-net and mdk-net-paper were trained with larger "
         f"angles, {TRAINED_HERE} with these. The printed error of "
@@ -98,10 +98,10 @@ def figure_3() -> Element:
     shown = {name: predicted[name] for name in (*MODELS, lti)}
     return Element(
         "Figure 3",
-        f"double lane change, open loop: the same inputs, {driven.description}. The models start "
+        f"Double lane change, open loop: the same inputs, {driven.description}. The models start "
         "from the measured state every 2 s. The paper prints no numbers.",
         {
-            f"RMS error of e_y, {lti} / {mdk_net}": {
+            f"RMS error of the lateral position, {lti} / {mdk_net}": {
                 "here": rows[lti]["ey_m"] / rows[mdk_net]["ey_m"]
             }
         },

@@ -38,7 +38,7 @@ def table_1() -> Element:
     equal = sum(len(set(row.values())) == 1 for row in rows.values())
     return Element(
         "Table I",
-        "hyperparameters, here of the presets after the paper. An epoch is one mini-batch step.",
+        "Hyperparameters, here of the presets after the paper. An epoch is one mini-batch step.",
         {"equal hyperparameters": {"here": equal, "paper": len(rows)}},
         {"paper_hyperparameters": rows},
     )
@@ -91,7 +91,7 @@ def algorithm_1(folder: Path) -> Element:
     add_legend(figure, panels[0])
     return Element(
         "Algorithm 1",
-        f"training, here its first {STEPS:,} of 60,000 steps. Each model scales its lifted states, "
+        f"Training, here its first {STEPS:,} of 60,000 steps. Each model scales its lifted states, "
         "so compare the ends of a curve, not two curves. The paper prints no losses.",
         summary,
         {"paper_losses": rows},

@@ -74,7 +74,7 @@ def test_a_table_of_the_documents_has_both_numbers(whole_result, tmp_path):
     text.write_text("<!-- figures: paper_mse -->\n<!-- end -->\n")
     root = ("--root", str(tmp_path), "--tables")
     assert run(figures.app, *root, "--import", str(whole_result)) == 0
-    assert "| mdk-net | 0.25 (paper 2.908) |" in text.read_text()
+    assert "| mdk-net | 0.25, paper 2.908 |" in text.read_text()
 
 
 def test_the_result_of_some_elements_is_no_source_of_the_documents(whole_result, tmp_path, capsys):
