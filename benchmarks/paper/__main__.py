@@ -82,7 +82,7 @@ def main(
     page = output / "paper.html"
     write_text(page, render_page(_page(table, found.values())))
     Console().print(f"{COMPARABLE}\n{page}", soft_wrap=True, highlight=False)
-    figures = {
+    figures: Figures = {
         name: {"shows": each.shows, "summary": each.summary, "tables": dict(each.tables)}
         for name, each in found.items()
     }

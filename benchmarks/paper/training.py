@@ -11,7 +11,7 @@ from benchmarks.paper.elements import HYPERPARAMETERS, Element, Figures
 from offline.config import PRESETS
 from offline.data.dataset import Dataset, cache_folder, exists, load_dataset
 from offline.data.generate import make_dataset, simulated_origin
-from offline.data.manifest import PARTS
+from offline.data.manifest import PARTS, Simulated
 from offline.data.recipe import Recipe
 from offline.training.run import LATEST_LINK, RunFolder, create_run, load_checkpoint, open_run
 from offline.training.train import train
@@ -47,13 +47,17 @@ def table_1() -> Element:
 @cache
 def open_data() -> Dataset:
     """The data set with the bounds of the paper, from the cache or made now on all cores."""
-    recipe = Recipe(largest_steer_deg=LARGEST_STEER_DEG)
-    origin = simulated_origin(recipe, sum(EPISODES.values()), SEED)
+    origin = _origin()
     folder = cache_folder(origin)
     if exists(folder):
         return load_dataset(folder)
     part = np.repeat(np.arange(len(PARTS), dtype=np.int8), [EPISODES[name] for name in PARTS])
     return make_dataset(folder, origin, part)
+
+
+def _origin() -> Simulated:
+    recipe = Recipe(largest_steer_deg=LARGEST_STEER_DEG)
+    return simulated_origin(recipe, sum(EPISODES.values()), SEED)
 
 
 def finished_run(preset: str, folder: Path) -> RunFolder:
@@ -63,7 +67,7 @@ def finished_run(preset: str, folder: Path) -> RunFolder:
     latest = folder / preset / LATEST_LINK
     run = open_run(latest) if latest.exists() else None
     if run is None or (run.config, run.data_sha256) != (config, dataset.sha256):
-        data_folder = cache_folder(dataset.origin)
+        data_folder = cache_folder(_origin())
         run = create_run(folder / preset, config, data_folder, dataset.sha256, datetime.now())
     checkpoint = load_checkpoint(run.last) if run.last.exists() else None
     train(config, dataset, run, resume_from=checkpoint)
