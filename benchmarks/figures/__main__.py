@@ -48,8 +48,8 @@ def main(
     car, use --again.
 
     Args:
-        imports: JSON files of offline-evaluate, benchmarks.fault_matrix and
-            benchmarks.false_alarms, of the shipped models.
+        imports: JSON files of offline-evaluate, benchmarks.fault_matrix, benchmarks.false_alarms
+            and benchmarks.paper, of the shipped models.
         again: forget the drives that the file has, then measure.
         tables: measure nothing, write the tables only.
         check: measure and write nothing; exit code 1 if a table is not that of the file, or the

@@ -147,10 +147,23 @@ def _false_alarms(found: Found) -> Figures:
     return {"false_alarms": sentence, "alarm_margins": shares}
 
 
+def _paper(found: Found) -> Figures:
+    tables: Figures = {"paper_overview": found["overview"]}
+    for element in PAPER_ELEMENTS:
+        tables |= found[element]["tables"]
+    return tables
+
+
+PAPER_ELEMENTS = {
+    *("table-1", "algorithm-1", "table-2"),
+    *("figure-3", "figure-4", "computation-time"),
+}
+"""all names of `benchmarks.paper`: the result of one with --only is refused"""
 SOURCES: dict[str, tuple[set[str], Callable[[Found], Figures]]] = {
     "evaluation": ({"parts", "rows", "model_sha256"}, _evaluation),
     "fault_matrix": ({"rows", "summary"}, _fault_matrix),
     "false_alarms": ({"driven_h", "checks"}, _false_alarms),
+    "paper": ({"overview", *PAPER_ELEMENTS}, _paper),
 }
 """by piece: the keys that only its files have together, and what is kept of them"""
 

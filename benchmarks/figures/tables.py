@@ -12,9 +12,13 @@ from benchmarks.figures.results import Figures, Pieces
 from rt_controller.report.table import Column, Table, format_number, to_markdown
 
 
-def _markdown(heads: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
+def _table(heads: Iterable[str], rows: Iterable[Iterable[str]], title: str = "") -> Table:
     columns = tuple(Column(head, is_text=True) for head in heads)
-    return to_markdown(Table("", columns, tuple(tuple(row) for row in rows)))
+    return Table(title, columns, tuple(tuple(row) for row in rows))
+
+
+def _markdown(heads: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
+    return to_markdown(_table(heads, rows))
 
 
 def by_controller(
@@ -42,12 +46,22 @@ def by_name(figures: Figures, name: str, head: str, left_out: Container[str] = (
     if isinstance(table, str):
         return table
     columns = [each for each in next(iter(table.values())) if each not in left_out]
-    lines = (
-        (row.replace("_", " "), *(_text(cells[each]) for each in columns))
+    rows = {
+        row: {each: cells[each] for each in columns}
         for row, cells in table.items()
         if any(cells[each] is not None for each in columns)
+    }
+    return to_markdown(rows_table(rows, head))
+
+
+def rows_table(rows: Figures, head: str, title: str = "") -> Table:
+    """A table of rows by name, all with the same columns."""
+    columns = next(iter(rows.values()))
+    lines = (
+        (row.replace("_", " "), *(_text(cells[each]) for each in columns))
+        for row, cells in rows.items()
     )
-    return _markdown((head, *map(_head, columns)), lines)
+    return _table((head, *map(_head, columns)), lines, title)
 
 
 SYMBOLS = {"vx": "v_x", "vy": "v_y", "yaw_rate": "yaw rate", "ds": "Δs", "ey": "e_y", "epsi": "e_ψ"}
@@ -60,9 +74,13 @@ def _head(key: str) -> str:
 
 
 def _text(x: Any) -> str:
-    """A number, a median of rounds, or a value with its interval."""
+    """A number, several, a median of rounds, a value with its interval, or beside the paper's."""
     if isinstance(x, str | int):
         return str(x)
+    if isinstance(x, list | tuple):
+        return ", ".join(map(_text, x))
+    if isinstance(x, dict) and "here" in x:
+        return f"{_text(x['here'])}, paper {format_number(x['paper'], 7)}"
     if isinstance(x, dict) and "low" in x:
         return f"{_text(x['value'])} ({_text(x['low'])} to {_text(x['high'])})"
     number = x["median"] if isinstance(x, dict) else x
@@ -123,6 +141,14 @@ TABLES: dict[str, tuple[str, Callable[[Figures], str]]] = {
             ("fault_matrix", "fault_matrix", "", ()),
             ("false_alarms", "false_alarms", "", ()),
             ("false_alarms", "alarm_margins", "check", ("drives with a false alarm",)),
+            ("paper", "paper_overview", "in the paper", ()),
+            ("paper", "paper_hyperparameters", "setting", ()),
+            ("paper", "paper_losses", "preset", ()),
+            ("paper", "paper_mse", "model", ()),
+            ("paper", "paper_mse_ratios", "models", ()),
+            ("paper", "paper_open_loop_rms", "model", ()),
+            ("paper", "paper_closed_loop", "controller", ()),
+            ("paper", "paper_times", "controller", ()),
         )
     },
 }

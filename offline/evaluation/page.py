@@ -54,7 +54,7 @@ def evaluation_page(
             f"{driven.description}. The models start from the measured state every 2 s, at the "
             "dotted lines, and get the inputs only. Curves of baselines may leave the panels."
         )
-        plot = Plot(lane_change_plot(driven, predicted, comparison))
+        plot = Plot(lane_change_plot(driven, predicted, comparison.models, comparison.baselines))
         sections.append(Section("Double lane change, open loop", (text, plot)))
     first: tuple[Part, ...] = (headline(comparison), Plot(rms_over_time(comparison), caption))
     title = f"Prediction errors of {', '.join(names)}"
@@ -134,11 +134,17 @@ def eigenvalues(names: Sequence[str], bundles: Sequence[Bundle]) -> Figure:
 
 
 def lane_change_plot(
-    driven: LaneChange, predicted: Mapping[str, Array], comparison: Comparison
+    driven: LaneChange,
+    predicted: Mapping[str, Array],
+    main: Sequence[str],
+    others: Sequence[str],
 ) -> Figure:
-    """Six states and the steering wheel angle over time; dotted lines where predictions start."""
+    """Six states and the steering wheel angle over time; dotted lines where predictions start.
+
+    `main` and `others` name the `predicted` models, `main` those that every panel shows fully.
+    """
     columns, time_s = state_units(VEHICLE), driven.time_s
-    styles = line_styles(comparison.models, comparison.baselines)
+    styles = line_styles(main, others)
     figure, panels = empty_figure(4, 2, 9.6, sharex=True)
     for i, (axes, column) in enumerate(zip(panels, columns, strict=False)):
         measured = driven.windows.x[..., i].astype(np.float64) * column.per_si
@@ -147,7 +153,7 @@ def lane_change_plot(
             for window, series in enumerate(states[..., i] * column.per_si):
                 label = name if window == 0 else None
                 axes.plot(time_s[window], series, **styles[name], label=label, zorder=3 - 0.01 * k)
-        models = [predicted[name][..., i] * column.per_si for name in comparison.models]
+        models = [predicted[name][..., i] * column.per_si for name in main]
         _limit_to_car_and_models(axes, measured, models)
         axes.set_title(f"{column.name} / {column.unit}", loc="left")
     steering, path = panels[6], panels[7]
