@@ -12,10 +12,10 @@ from benchmarks.figures.results import hashes_of
 from benchmarks.figures.tables import rows_table
 from benchmarks.paper import closed_loop, prediction, training
 from benchmarks.paper.elements import Element, Figures
-from offline.files import source_revision
 from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.figures import require_writable, write_figures
 from rt_controller.contract.files import write_text
+from rt_controller.contract.revision import source_revision
 from rt_controller.report.canvas import to_svg
 from rt_controller.report.page import Page, Part, Section, render_page, require_report_extra
 from rt_controller.report.table import Table, print_table

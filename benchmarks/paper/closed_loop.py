@@ -5,10 +5,11 @@ from functools import cache
 import numpy as np
 from matplotlib.figure import Figure
 
-from benchmarks.figures.closed_loop import Row, scenario_of, wheel_rate_rms_degps
+from benchmarks.figures.closed_loop import Row, scenario_of
 from benchmarks.paper.elements import COMPUTATION_S, LTI, MDK_NET, Element, Figures
 from rt_controller.config import ControllerConfig, MpcSettings
 from rt_controller.contract.arrays import Array
+from rt_controller.drive.comfort import wheel_rate_rms_degps
 from rt_controller.drive.table import Drive
 from rt_controller.model.bundle import Bundle
 from rt_controller.node import build_mpc

@@ -8,14 +8,16 @@ import numpy as np
 from benchmarks.paper.elements import LTI, MDK_NET, MSE, Element, beside, mse_ratios
 from benchmarks.paper.training import LARGEST_STEER_DEG, STEPS, finished_run, open_data
 from offline.baselines.registry import open_baselines
+from offline.evaluation.bootstrap import Estimate, mean_draws
 from offline.evaluation.lane_change import drive_lane_change
-from offline.evaluation.metrics import TrajectoryErrors, errors_on, ratios_of, state_units
+from offline.evaluation.metrics import absolute_errors, mean_names, ratios_of, state_units
 from offline.evaluation.page import lane_change_plot
 from offline.evaluation.predictor import Predictor, predict_trajectories
 from offline.evaluation.test_sets import TestSet, library_set
 from offline.model.bundle_predictor import BundlePredictor
 from offline.training.export import export_checkpoint
 from offline.training.run import load_checkpoint
+from rt_controller.contract.arrays import Array
 from rt_controller.contract.signals import VEHICLE
 from rt_controller.model.bundle import Bundle
 from rt_controller.report.page import Plot
@@ -35,6 +37,8 @@ RATIOS = (
 )
 """models of the numerator and the denominator; the first are those of the paper"""
 COLUMNS = state_units(VEHICLE)
+KEYS = ("vx_kmh", "vy_kmh", "yaw_rate_degps", "ds_m", "ey_m", "epsi_deg")
+"""names of the states with the units of `COLUMNS`"""
 
 
 @cache
@@ -57,20 +61,22 @@ def table_2(folder: Path) -> Element:
     errors = {name: _errors(model, test) for name, model in models.items()}
     mse, ratios = {}, {}
     for name, each in errors.items():
-        keys = (column.squared_key for column in COLUMNS)
-        mse[name] = dict(zip(keys, each.mean_draws[0].tolist(), strict=True))
+        keys = (f"{key}_squared" for key in KEYS)
+        mse[name] = dict(zip(keys, each[0].tolist(), strict=True))
     for name, of_paper in OF_PAPER.items():
         mse[name] = beside(mse[name], dict(zip(mse[name], MSE[of_paper], strict=True)))
     for above, below in RATIOS:
-        found = ratios_of(errors[above].mean_draws, errors[below].mean_draws, COLUMNS)
-        ratios[f"{above} / {below}"] = {state: found[state] for state in mse_ratios()}
+        found = np.transpose(ratios_of(errors[above], errors[below], COLUMNS)).tolist()
+        names = [*(column.name for column in COLUMNS), *mean_names(COLUMNS)]
+        by_name = {name: Estimate(*row)._asdict() for name, row in zip(names, found, strict=True)}
+        ratios[f"{above} / {below}"] = {state: by_name[state] for state in mse_ratios()}
     first = next(iter(ratios))
     ratios[first] = beside(ratios[first], mse_ratios())
     means = {name: row["geometric_mean"] for name, row in ratios.items()}
     return Element(
         "Table II",
-        f"Errors of open-loop predictions over 80 steps, here on {test.count} with wheel angles "
-        f"up to {LARGEST_STEER_DEG:g} deg, as in the paper, in another car: errors are not "
+        f"Errors of open-loop predictions over 80 steps, here on {len(test.trajectories.x):,} "
+        f"trajectories with wheel angles up to {LARGEST_STEER_DEG:g} deg, as in the paper, in another car: errors are not "
         "comparable, ratios only in kind. mdk-net and mdk-net-paper were trained with larger "
         f"angles, {TRAINED_HERE} with these. The printed error of "
         "the LTI model in v_x, 83 km/h, is more than the full brake could cause in 2 s.",
@@ -82,8 +88,10 @@ def table_2(folder: Path) -> Element:
     )
 
 
-def _errors(model: Predictor, test: TestSet) -> TrajectoryErrors:
-    return errors_on(model, test, COLUMNS)[1]
+def _errors(model: Predictor, test: TestSet) -> Array:
+    """Draws (1 + R, n) of the mean squared errors."""
+    squared = np.square(absolute_errors(model, test, COLUMNS)).mean(axis=1)
+    return mean_draws(squared, test.trajectories.episode)
 
 
 def figure_3() -> Element:
@@ -93,7 +101,7 @@ def figure_3() -> Element:
         predicted[name] = predict_trajectories(model, driven.windows)
         errors = (predicted[name] - driven.windows.x)[:, 1:] * [each.per_si for each in COLUMNS]
         rms = np.sqrt(np.mean(np.square(errors), axis=(0, 1)))
-        rows[name] = dict(zip((each.key for each in COLUMNS), rms.tolist(), strict=True))
+        rows[name] = dict(zip(KEYS, rms.tolist(), strict=True))
     mdk_net, lti = OF_PAPER
     shown = {name: predicted[name] for name in (*MODELS, lti)}
     return Element(
