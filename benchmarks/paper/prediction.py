@@ -37,8 +37,6 @@ RATIOS = (
 )
 """models of the numerator and the denominator; the first are those of the paper"""
 COLUMNS = state_units(VEHICLE)
-KEYS = ("vx_kmh", "vy_kmh", "yaw_rate_degps", "ds_m", "ey_m", "epsi_deg")
-"""names of the states with the units of `COLUMNS`"""
 
 
 @cache
@@ -61,7 +59,7 @@ def table_2(folder: Path) -> Element:
     errors = {name: _errors(model, test) for name, model in models.items()}
     mse, ratios = {}, {}
     for name, each in errors.items():
-        keys = (f"{key}_squared" for key in KEYS)
+        keys = (f"{column.name} ({column.unit})²" for column in COLUMNS)
         mse[name] = dict(zip(keys, each[0].tolist(), strict=True))
     for name, of_paper in OF_PAPER.items():
         mse[name] = beside(mse[name], dict(zip(mse[name], MSE[of_paper], strict=True)))
@@ -97,11 +95,12 @@ def _errors(model: Predictor, test: TestSet) -> Array:
 def figure_3() -> Element:
     """The double lane change, open loop. Paper: fig:trajectory_comparison."""
     driven, rows, predicted = drive_lane_change(), {}, {}
+    keys = [f"{column.name} {column.unit}" for column in COLUMNS]
     for name, model in open_models().items():
         predicted[name] = predict_trajectories(model, driven.windows)
         errors = (predicted[name] - driven.windows.x)[:, 1:] * [each.per_si for each in COLUMNS]
         rms = np.sqrt(np.mean(np.square(errors), axis=(0, 1)))
-        rows[name] = dict(zip(KEYS, rms.tolist(), strict=True))
+        rows[name] = dict(zip(keys, rms.tolist(), strict=True))
     mdk_net, lti = OF_PAPER
     shown = {name: predicted[name] for name in (*MODELS, lti)}
     return Element(
@@ -110,7 +109,7 @@ def figure_3() -> Element:
         "from the measured state every 2 s. The paper prints no numbers.",
         {
             f"RMS error of the lateral position, {lti} / {mdk_net}": {
-                "here": rows[lti]["ey_m"] / rows[mdk_net]["ey_m"]
+                "here": rows[lti]["ey m"] / rows[mdk_net]["ey m"]
             }
         },
         {"paper_open_loop_rms": rows},

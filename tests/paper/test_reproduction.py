@@ -57,7 +57,7 @@ def test_one_figure_is_drawn_with_its_numbers_in_json_and_on_the_page(tmp_path, 
 @pytest.fixture
 def whole_result(tmp_path, monkeypatch) -> Path:
     """JSON of all elements, of made numbers but for the printed ones."""
-    made = {f"{table}": {"mdk-net": {"vx_kmh_squared": {"here": 0.25, "paper": 2.908}}}
+    made = {f"{table}": {"mdk-net": {"vx (km/h)²": {"here": 0.25, "paper": 2.908}}}
             for table in ("paper_hyperparameters", "paper_losses", "paper_mse", "paper_mse_ratios",
                           "paper_open_loop_rms", "paper_closed_loop", "paper_times")}  # fmt: skip
     content = {name: {"tables": made} for name in PAPER_ELEMENTS}
