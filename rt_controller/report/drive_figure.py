@@ -7,16 +7,7 @@ from typing import TYPE_CHECKING
 from rt_controller.contract.errors import ConfigError, needs_extra
 from rt_controller.contract.files import atomic_write
 from rt_controller.drive.table import Drive
-from rt_controller.report.overlay import (
-    BRAKE,
-    ERROR,
-    POSITION,
-    SPEED,
-    THROTTLE,
-    WHEEL,
-    curves_of,
-    draw_drives,
-)
+from rt_controller.report.overlay import curves_of, draw_drives
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -54,8 +45,8 @@ def draw_drive(drive: Drive, file: Path | None = None) -> "Figure":
     if file is not None:
         require_figure_file(file)
     car = "car" if drive.true_poses is not None else "car, as received"
-    labels = POSITION, ERROR, WHEEL, THROTTLE, BRAKE, SPEED
-    figure = draw_drives({car: drive}, [curves_of(drive)], labels)
+    shown = "lateral position", "lateral error", "steering wheel", "throttle", "brake", "speed"
+    figure = draw_drives({car: drive}, [curves_of(drive)], shown)
     name = "" if drive.scenario is None else f"{drive.scenario.name}, "
     figure.suptitle(
         f"{name}{drive.model}: {drive.ending}; lateral error {drive.lateral_error.text}",

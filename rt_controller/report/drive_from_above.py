@@ -12,7 +12,6 @@ from rt_controller.drive.table import Drive
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from PIL.Image import Image
 
 TICKS_PER_FRAME, MOST_FRAMES = 4, 200
 """a frame every 100 ms, of a longer drive a multiple of that: the file stays small"""
@@ -20,7 +19,7 @@ NEAR_M = (-12.0, -6.0), (68.0, 6.0)
 """corners of the part of the road that is seen, x along it; the origin is the car"""
 NEAR_IN, NAMES_IN = 2.2, 0.2
 """height of this panel, and of names of axes"""
-DOTS_PER_INCH = 72
+DOTS_PER_INCH, COLOURS = 72, 32
 
 
 class _Panel:
@@ -35,7 +34,9 @@ class _Panel:
         self._view, self._body, self._turns = view, drive.body, turns
         self._road_rad = np.interp(drive.poses[:, 0], view.road.s_m, view.road.heading_rad)
         draw_road(axes, view)
-        (self._trail,) = axes.plot([], [], color=TRAIL, linewidth=2.5)
+        # the dot shows the car where it is too small to see
+        dot = {"marker": "o", "markersize": 4.0, "markerfacecolor": CAR, "markeredgecolor": CAR}
+        (self._trail,) = axes.plot([], [], color=TRAIL, linewidth=2.5, markevery=[-1], **dot)
         (self._ahead,) = axes.plot([], [], color=HORIZON, linewidth=1.5, zorder=2.5)
         self._outline = Polygon(np.zeros((5, 2)), closed=True, color=CAR, zorder=3)
         axes.add_patch(self._outline)
@@ -87,26 +88,9 @@ def animate(drive: Drive) -> bytes:
         canvas.draw()  # type: ignore[no-untyped-call]
         pixels = np.asarray(canvas.buffer_rgba())  # type: ignore[no-untyped-call]
         images.append(Image.fromarray(pixels).convert("RGB"))
-    return _to_gif(images, round(1e3 * ticks * PERIOD_S))
-
-
-def _to_gif(images: "list[Image]", duration_ms: int) -> bytes:
-    from matplotlib.colors import to_rgb
-    from PIL.Image import Dither
-    from PIL.Image import new as new_image
-
-    from rt_controller.report.above import CAR, CONE, EDGE, HORIZON, NOMINAL, TRAIL
-    from rt_controller.report.canvas import FAINT, GRID, INK
-
-    # One palette for all frames keeps the file small: the colours, and some half way to white.
-    names = (INK, FAINT, GRID, CAR, CONE, EDGE, HORIZON, NOMINAL, TRAIL)
-    full = np.array([to_rgb(name) for name in names])
-    colours = np.vstack([np.ones((1, 3)), full, 0.5 + 0.5 * full])
-    palette = new_image("P", (1, 1))
-    palette.putpalette(np.round(255.0 * colours).astype(int).ravel().tolist())
-    frames = [each.quantize(palette=palette, dither=Dither.NONE) for each in images]
-    out = BytesIO()
-    frames[0].save(
-        out, "GIF", save_all=True, append_images=frames[1:], duration=duration_ms, loop=0
-    )
+    # One palette for all frames keeps the file small.
+    palette = images[len(images) // 2].quantize(COLOURS)
+    first, *others = [each.quantize(palette=palette, dither=Image.Dither.NONE) for each in images]
+    out, duration_ms = BytesIO(), round(1e3 * ticks * PERIOD_S)
+    first.save(out, "GIF", save_all=True, append_images=others, duration=duration_ms, loop=0)
     return out.getvalue()

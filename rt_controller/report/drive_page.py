@@ -5,24 +5,13 @@ from math import degrees
 from typing import Any, NamedTuple
 
 from rt_controller.drive.table import Drive
-from rt_controller.report.overlay import (
-    BRAKE,
-    ERROR,
-    SPEED,
-    THROTTLE,
-    WHEEL,
-    WHEEL_RATE,
-    Curve,
-    draw_drives,
-)
+from rt_controller.report.overlay import Curve, draw_drives
 from rt_controller.report.page import Page, Part, Plot, Section
 from rt_controller.report.player import play
-from rt_controller.report.table import NO_VALUE, Cell, Column, Row, Table, format_number
+from rt_controller.report.table import NO_VALUE, Column, Table, format_number
 
-SHOWN_EVENTS, SHOWN_CHECKS, DRAWN_CHECKS = 40, 8, 4
+SHOWN_EVENTS, SHOWN_CHECKS, DRAWN_CHECKS = 40, 8, 3
 """of each drive on the page; the figures have all"""
-STEP = "step / us"
-"""label of the curve of its time"""
 
 
 class ReportedDrive(NamedTuple):
@@ -31,16 +20,11 @@ class ReportedDrive(NamedTuple):
     name: str
     drive: Drive
     curves: Mapping[str, Curve]
-    """by label: those of each drive, the time of the step, and those of the checks"""
+    """by name: those of each drive, "step" (its time), and "check: " with the name of each check"""
     figures: Mapping[str, Any]
     """as in `--json`: the summary of a drive, and `headline` (how it went, then when, why and what
     to do), `notes` (what limits the page), `events` (modes and fault bits), `checks` (the closest
     to its threshold first)"""
-
-
-def check_label(name: str, unit: str) -> str:
-    """Label of the curve of what this check compares with its threshold."""
-    return f"check of\n{name} / {unit}"
 
 
 _MM, _DEG = 1e3, degrees(1.0)
@@ -62,30 +46,42 @@ _FIGURES = (
 _TIMES = (
     ("deadline misses", "deadline_misses", 1.0),
     ("skipped periods", "skipped_ticks", 1.0),
-    ("step, median / us", "step_us.p50", 1.0),
-    ("step, 99.9 % / us", "step_us.p999", 1.0),
-    ("step, largest / us", "step_us.max", 1.0),
-    ("lateness of the wake-up, median / us", "wake_us.p50", 1.0),
-    ("lateness of the wake-up, 99.9 % / us", "wake_us.p999", 1.0),
-    ("lateness of the wake-up, largest / us", "wake_us.max", 1.0),
-    ("receive, 99 % / us", "receive_us.p99", 1.0),
-    ("check, 99 % / us", "check_us.p99", 1.0),
-    ("plan, 99 % / us", "plan_us.p99", 1.0),
-    ("of this the QP, 99 % / us", "qp_us.p99", 1.0),
-    ("decide, 99 % / us", "decide_us.p99", 1.0),
-    ("send, 99 % / us", "send_us.p99", 1.0),
+    *(
+        (f"{name}, {words} / us", f"{field}.{key}", 1.0)
+        for name, field in (("step", "step_us"), ("lateness of the wake-up", "wake_us"))
+        for words, key in (("median", "p50"), ("99.9 %", "p999"), ("largest", "max"))
+    ),
+    *(
+        (f"{stage}, 99 % / us", f"{stage}_us.p99", 1.0)
+        for stage in ("receive", "check", "plan", "qp", "decide", "send")
+    ),
     ("age of the state, median / ms", "state_age_ms.p50", 1.0),
     ("age of the state, largest / ms", "state_age_ms.max", 1.0),
 )
-_FRAMES = (
-    ("wrong checksum or length", "frames_received.crc_errors", 1.0),
-    ("repeated counter", "frames_received.repeated", 1.0),
-    ("counter back, or too far ahead", "frames_received.wrong_sequence", 1.0),
-    ("missing between two counters", "frames_received.counter_gap_frames", 1.0),
-    ("values out of range", "frames_received.out_of_range", 1.0),
-    ("lost in the receive buffer", "frames_received.overflowed", 1.0),
-    ("missing in the log", "log_frames_dropped", 1.0),
-)
+_FRAMES = tuple(
+    (key.replace("_", " "), f"frames_received.{key}", 1.0)
+    for key in (
+        "crc_errors", "repeated", "wrong_sequence", "counter_gap_frames", "out_of_range",
+        "overflowed",
+    )
+)  # fmt: skip
+_CHECKS = {
+    "check": Column("check", is_text=True),
+    "largest": Column("largest value"),
+    "threshold": Column("threshold"),
+    "unit": Column("unit", is_text=True),
+    "share_percent": Column("share", "%"),
+    "at_s": Column("at", "s"),
+    "window_ticks": Column("ticks in a row to act"),
+}
+_EVENTS = {
+    "begin_s": Column("from", "s"),
+    "end_s": Column("until", "s"),
+    "ticks": Column("ticks"),
+    "name": Column("mode or fault bit", is_text=True, width="short"),
+    "why": Column("why", is_text=True, width="long"),
+}
+"""key of the figures: column of the page"""
 _CAPTION = (
     "From above, then over the time since the first tick: signals, the checks that came closest to "
     "their thresholds, and the time from the first received frame of a step to its last sent one. "
@@ -102,8 +98,11 @@ def drive_page(drives: Sequence[ReportedDrive]) -> Page:
     """
     by_name = {each.name: each.drive for each in drives}
     closest = [check for each in drives for check in each.figures["checks"][:DRAWN_CHECKS]]
-    checks = dict.fromkeys(check_label(each["check"], each["unit"]) for each in closest)
-    labels = ERROR, SPEED, WHEEL, WHEEL_RATE, THROTTLE, BRAKE, *checks, STEP
+    shown = (
+        "lateral error", "speed", "steering wheel", "wheel rate", "throttle", "brake",
+        *dict.fromkeys(f"check: {check['check']}" for check in closest), "step",
+    )  # fmt: skip
+    curves = [each.curves for each in drives]
     introduction = list[str]()
     for each in drives:
         first, *others = each.figures["headline"]
@@ -112,13 +111,25 @@ def drive_page(drives: Sequence[ReportedDrive]) -> Page:
     sections = (
         Section("From above", (play(by_name),)),
         Section("Figures", (_figures_table("", _FIGURES, drives),)),
+        Section("Over time", (Plot(draw_drives(by_name, curves, shown), _CAPTION),)),
         Section(
-            "Over time",
-            (Plot(draw_drives(by_name, [each.curves for each in drives], labels), _CAPTION),),
+            "Checks against their thresholds",
+            tuple(
+                _listed(f"Checks of {each.name}", each.figures["checks"], _CHECKS, SHOWN_CHECKS)
+                for each in drives
+            ),
         ),
-        Section("Checks against their thresholds", tuple(map(_checks_table, drives))),
         Section("Timing", (_figures_table("", _TIMES, drives),)),
-        Section("Faults", (*map(_faults, drives), _figures_table("Frames", _FRAMES, drives))),
+        Section(
+            "Faults",
+            (
+                *(
+                    _listed(f"Faults of {each.name}", each.figures["events"], _EVENTS, SHOWN_EVENTS)
+                    for each in drives
+                ),
+                _figures_table("Frames", _FRAMES, drives),
+            ),
+        ),
     )
     return Page(f"Drive {' and '.join(by_name)}", sections, tuple(introduction))
 
@@ -164,49 +175,19 @@ def _figures_table(
     return Table(title, (Column("", is_text=True), *map(Column, heads)), rows)
 
 
-def _checks_table(drive: ReportedDrive) -> Table:
-    columns = (
-        Column("check", is_text=True),
-        Column("largest value"),
-        Column("threshold"),
-        Column("share", "%"),
-        Column("at", "s"),
-        Column("ticks in a row to act"),
-    )
-    checks = drive.figures["checks"]
-    rows: list[Row] = [
-        (
-            f"{check['check']} / {check['unit']}",
-            format_number(check["largest"]),
-            format_number(check["threshold"]),
-            Cell(f"{100.0 * share:.0f}", status="bad" if share > 1.0 else ""),
-            f"{check['at_s']:.3f}",
-            f"{check['window_ticks']}",
+def _listed(
+    title: str, found: Sequence[Mapping[str, Any]], columns: Mapping[str, Column], most: int
+) -> Part:
+    """A row for each of them, up to so many."""
+    if not found:
+        return f"{title}: none."
+    rows = tuple(
+        tuple(
+            format_number(value, 5) if isinstance(value, float) else str(value)
+            for value in (each[key] for key in columns)
         )
-        for check in checks[:SHOWN_CHECKS]
-        for share in [check["largest"] / check["threshold"]]
-    ]
-    return Table(f"Checks of {drive.name}", columns, tuple(rows), _hidden(checks, rows))
-
-
-def _faults(drive: ReportedDrive) -> Part:
-    """When each fault and each degraded mode began and ended."""
-    events = drive.figures["events"]
-    if not events:
-        return f"{drive.name}: no fault bit was set, and the plan was never held."
-    columns = (
-        *(Column("from", "s"), Column("until", "s"), Column("ticks")),
-        Column("mode or fault bit", is_text=True, width="short"),
-        Column("why", is_text=True, width="long"),
+        for each in found[:most]
     )
-    rows: list[Row] = [
-        (f"{each['begin_s']:.3f}", f"{each['end_s']:.3f}", f"{each['ticks']}", each["name"],
-         each["why"])
-        for each in events[:SHOWN_EVENTS]
-    ]  # fmt: skip
-    return Table(f"Faults of {drive.name}", columns, tuple(rows), _hidden(events, rows))
-
-
-def _hidden(found: Sequence[object], rows: Sequence[Row]) -> tuple[str, ...]:
     hidden = len(found) - len(rows)
-    return (f"and {hidden} more; --json lists all",) if hidden else ()
+    notes = (f"and {hidden} more; --json lists all",) if hidden else ()
+    return Table(title, tuple(columns.values()), rows, notes)

@@ -20,15 +20,12 @@ KMH_PER_MPS = 3.6
 STRONG = 6
 """names with a colour of their own; the lines of the others are dashed"""
 BOUND = "#c0392b"
-POSITION, ERROR, SPEED, SPEED_ERROR, WHEEL, WHEEL_RATE, THROTTLE, BRAKE = (
-    "e_y / m", "lateral error / m", "v_x / km/h", "speed error / km/h", "steering wheel / deg",
-    "wheel rate / deg/s", "throttle / 1", "brake / N",
-)  # fmt: skip
 
 
 class Curve(NamedTuple):
     """One quantity of a drive over time, (ticks,) each."""
 
+    unit: str
     values: Array
     wanted: Array | None = None
     bound: Array | None = None
@@ -36,19 +33,19 @@ class Curve(NamedTuple):
 
 
 def curves_of(drive: Drive) -> dict[str, Curve]:
-    """The curves that each drive has, by their label."""
+    """The curves that each drive has, by their name."""
     wheel_deg = np.degrees(drive["steer_rad"])
     steps_s = np.diff(drive["time_s"], prepend=drive["time_s"][:1] - PERIOD_S)
     speed_kmh, wanted_kmh = KMH_PER_MPS * drive["vx_mps"], KMH_PER_MPS * drive["path_vx_mps"]
     return {
-        POSITION: Curve(drive["ey_m"], drive["path_ey_m"]),
-        ERROR: Curve(drive.poses[:, 1] - drive["path_ey_m"]),
-        SPEED: Curve(speed_kmh, wanted_kmh),
-        SPEED_ERROR: Curve(speed_kmh - wanted_kmh),
-        WHEEL: Curve(wheel_deg),
-        WHEEL_RATE: Curve(np.diff(wheel_deg, prepend=wheel_deg[:1]) / steps_s),
-        THROTTLE: Curve(drive["throttle"]),
-        BRAKE: Curve(drive["brake_n"]),
+        "lateral position": Curve("m", drive["ey_m"], drive["path_ey_m"]),
+        "lateral error": Curve("m", drive.poses[:, 1] - drive["path_ey_m"]),
+        "speed": Curve("km/h", speed_kmh, wanted_kmh),
+        "speed error": Curve("km/h", speed_kmh - wanted_kmh),
+        "steering wheel": Curve("deg", wheel_deg),
+        "wheel rate": Curve("deg/s", np.diff(wheel_deg, prepend=wheel_deg[:1]) / steps_s),
+        "throttle": Curve("1", drive["throttle"]),
+        "brake": Curve("N", drive["brake_n"]),
     }
 
 
@@ -63,20 +60,20 @@ def overlay(drives: Mapping[str, Drive]) -> "Figure":
         MissingExtraError: matplotlib is not installed.
     """
     curves = [curves_of(drive) for drive in drives.values()]
-    return draw_drives(drives, curves, (ERROR, SPEED_ERROR, WHEEL))
+    return draw_drives(drives, curves, ("lateral error", "speed error", "steering wheel"))
 
 
 def draw_drives(
-    drives: Mapping[str, Drive], curves: Sequence[Mapping[str, Curve]], labels: Sequence[str]
+    drives: Mapping[str, Drive], curves: Sequence[Mapping[str, Curve]], shown: Sequence[str]
 ) -> "Figure":
-    """The drives from above, and a panel for each label; the ticks of a held plan are shaded.
+    """The drives from above, and a panel for each curve shown; the ticks of a held plan are shaded.
 
     A single drive is drawn with its car, its predictions and times.
 
     Args:
         drives: as of `overlay`.
-        curves: of each drive, by their label; a drive may lack some.
-        labels: of the panels, from top to bottom.
+        curves: of each drive, by their name; a drive may lack some.
+        shown: names of curves, from top to bottom.
 
     Raises:
         MissingExtraError: matplotlib is not installed.
@@ -93,7 +90,7 @@ def draw_drives(
     names, views = list(drives), [plan_view(drive) for drive in drives.values()]
     styles = line_styles(names[:STRONG], names[STRONG:])
     head_in = above.head_height_in(views)
-    figure, head, panels = figure_under_head(len(labels), head_in, 0.3 + 1.5 * len(labels))
+    figure, head, panels = figure_under_head(len(shown), head_in, 0.3 + 1.5 * len(shown))
     above.draw_road(head, views[0])
     for (name, drive), view in zip(drives.items(), views, strict=True):
         head.plot(view.car.x_m, view.car.y_m, label=name, **styles[name])
@@ -101,19 +98,19 @@ def draw_drives(
             above.draw_along(head, drive, view)
     above.set_window(head, *extent(views))
     add_legend_above(head)
-    for axis, label in zip(panels, labels, strict=True):
-        axis.set_ylabel(label)
+    for axis, curve_name in zip(panels, shown, strict=True):
         axis.margins(y=0.15)
-        shown = [
-            (drive["time_s"], of_drive[label], styles[name])
+        found = [
+            (drive["time_s"], of_drive[curve_name], styles[name])
             for (name, drive), of_drive in zip(drives.items(), curves, strict=True)
-            if label in of_drive
+            if curve_name in of_drive
         ]
-        for time_s, curve, style in shown:
+        for time_s, curve, style in found:
             if curve.wanted is not None:
                 axis.plot(time_s, curve.wanted, "--", color=FAINT, linewidth=1.2)
             axis.plot(time_s, curve.values, **style)
-        _draw_bounds(axis, [(time_s, curve) for time_s, curve, _ in shown])
+            axis.set_ylabel(f"{curve_name} / {curve.unit}".replace(": ", ":\n"))
+        _draw_bounds(axis, [(time_s, curve) for time_s, curve, _ in found])
         _shade(axis, list(drives.values()))
     figure.align_ylabels(panels)
     panels[-1].set_xlabel("time / s")
@@ -122,7 +119,7 @@ def draw_drives(
 
 def _draw_bounds(axis: "Axes", curves: Sequence[tuple[Array, Curve]]) -> None:
     """How near each curve comes to its bound; the bound is seen where one comes near."""
-    axis.autoscale(enable=False)
+    axis.set_ylim(axis.get_ylim())
     shares = []
     for time_s, curve in curves:
         if curve.bound is None or np.isnan(curve.values / curve.bound).all():

@@ -13,7 +13,6 @@ from rich.console import Console
 from threadpoolctl import threadpool_limits
 
 from rt_controller.bus.messages import STATE
-from rt_controller.contract.arrays import Array
 from rt_controller.contract.errors import ConfigError, OutputError
 from rt_controller.contract.faults import FAULT_SENTENCES, Fault
 from rt_controller.contract.figures import require_writable, write_figures
@@ -31,22 +30,8 @@ from rt_controller.recording.replay import (
     differences,
     read_recorded_drive,
 )
-from rt_controller.report.drive_page import (
-    STEP,
-    ReportedDrive,
-    check_label,
-    compared_figures,
-    drive_page,
-)
-from rt_controller.report.overlay import (
-    BRAKE,
-    ERROR,
-    THROTTLE,
-    WHEEL,
-    WHEEL_RATE,
-    Curve,
-    curves_of,
-)
+from rt_controller.report.drive_page import ReportedDrive, compared_figures, drive_page
+from rt_controller.report.overlay import Curve, curves_of
 from rt_controller.report.page import render_page, require_report_extra
 from rt_controller.safety.tick import Tick
 from rt_controller.simulation import predicted_path
@@ -149,7 +134,8 @@ class _Account:
         places = drive["s_m"]
         horizons = (each._replace(s_m=each.s_m + places[each.tick]) for each in self._horizons)
         drive = replace(drive, stop_tick=record.stop_tick, horizons=tuple(horizons))
-        curves = self._curves(drive)
+        curves, times_s = self._curves(drive), drive["time_s"].tolist()
+        checks = self._checks(curves, times_s)
         figures = {
             "log": str(path),
             "model": header.model,
@@ -162,8 +148,8 @@ class _Account:
             "frames_received": asdict(self._replay.node.inbox.counts),
             "headline": list(self._headline()),
             "notes": notes,
-            "events": _events(self._ticks, drive["time_s"].tolist()),
-            "checks": self._closest_checks(curves, drive["time_s"]),
+            "events": _events(self._ticks, times_s),
+            "checks": sorted(checks, key=lambda each: -each["share_percent"]),
         }
         return ReportedDrive(path.name, drive, curves, figures)
 
@@ -225,52 +211,42 @@ class _Account:
     def _curves(self, drive: Drive) -> dict[str, Curve]:
         """Those of each drive with their bounds, the time of the step, and those of the checks."""
         is_driven = (drive["mode"] != Mode.STANDBY)[:, None]
-        upper, rates, values = (
-            np.where(is_driven, np.array(each), nan)
-            for each in (
-                [tick.limits.upper for tick in self._ticks],
-                [tick.limits.rate_per_s for tick in self._ticks],
-                self._values,
-            )
-        )
-        checks, times_us = self._replay.node.supervisor.checks, self._record.deadlines.last()
-        tracking_m = next(check.threshold for check in checks if check.name == "tracking")
-        bounds = {
-            ERROR: np.full(len(drive), tracking_m),
-            WHEEL: np.degrees(upper[:, InputColumn.steer_rad]),
-            WHEEL_RATE: np.degrees(rates[:, InputColumn.steer_rad]),
-            THROTTLE: upper[:, InputColumn.throttle],
-            BRAKE: upper[:, InputColumn.brake_n],
-        }
-        curves = {
-            label: curve._replace(bound=bounds.get(label))
-            for label, curve in curves_of(drive).items()
-        }
-        curves[STEP] = Curve(times_us[:, TickTimes._fields.index("step_us")])
-        for check in checks:
-            bound = np.full(len(drive), check.threshold)
-            label = check_label(check.name, check.quantity.unit)
-            curves[label] = Curve(values[:, check.quantity], bound=bound)
+        rows = zip(*((t.limits.upper, t.limits.rate_per_s) for t in self._ticks), strict=True)
+        upper, rates = (np.where(is_driven, np.array(each), nan) for each in rows)
+        values = np.where(is_driven, np.array(self._values), nan)
+        step_us = self._record.deadlines.last()[:, TickTimes._fields.index("step_us")]
+        curves = {**curves_of(drive), "step": Curve("us", step_us)}
+        for check in self._replay.node.supervisor.checks:
+            bound, quantity = np.full(len(drive), check.threshold), check.quantity
+            curves[f"check: {check.name}"] = Curve(quantity.unit, values[:, quantity], bound=bound)
+        for name, bound in (
+            ("lateral error", curves["check: tracking"].bound),
+            ("steering wheel", np.degrees(upper[:, InputColumn.steer_rad])),
+            ("wheel rate", np.degrees(rates[:, InputColumn.steer_rad])),
+            ("throttle", upper[:, InputColumn.throttle]),
+            ("brake", upper[:, InputColumn.brake_n]),
+        ):
+            curves[name] = curves[name]._replace(bound=bound)
         return curves
 
-    def _closest_checks(self, curves: Mapping[str, Curve], times_s: Array) -> list[dict[str, Any]]:
-        """The largest value of each check that compared something, the nearest to its threshold
-        first."""
-        found = []
+    def _checks(
+        self, curves: Mapping[str, Curve], times_s: Sequence[float]
+    ) -> Iterator[dict[str, Any]]:
+        """The largest value of each check that compared something."""
         for check in self._replay.node.supervisor.checks:
-            unit = check.quantity.unit
-            values = curves[check_label(check.name, unit)].values
-            if not np.isnan(values).all():
-                at = int(np.nanargmax(values))
-                found.append({
-                    "check": check.name,
-                    "largest": float(values[at]),
-                    "threshold": check.threshold,
-                    "unit": unit,
-                    "at_s": float(times_s[at]),
-                    "window_ticks": check.window_ticks,
-                })  # fmt: skip
-        return sorted(found, key=lambda each: -each["largest"] / each["threshold"])
+            values = curves[f"check: {check.name}"].values
+            if np.isnan(values).all():
+                continue
+            at = int(np.nanargmax(values))
+            yield {
+                "check": check.name,
+                "largest": float(values[at]),
+                "threshold": check.threshold,
+                "unit": check.quantity.unit,
+                "share_percent": round(100.0 * float(values[at]) / check.threshold),
+                "at_s": times_s[at],
+                "window_ticks": check.window_ticks,
+            }
 
 
 def _quantiles(ages_ms: Sequence[float]) -> dict[str, float | None]:
