@@ -25,8 +25,8 @@ STYLES: Mapping[str, Any] = {
 """of the lines of a `PlanView`"""
 HORIZONS = 7
 """shown in one picture"""
-LABELS = 12
-"""of times, at most, along one drive"""
+PLACES = 12
+"""with outline and time, about, along one drive"""
 
 
 def head_height_in(views: Sequence[PlanView]) -> float:
@@ -53,19 +53,20 @@ def draw_road(axes: Axes, view: PlanView) -> None:
 
 
 def draw_along(axes: Axes, drive: Drive, view: PlanView) -> None:
-    """Draw the outline of the car about once a second, some predictions, and times."""
-    car, body, ticks = view.car, drive.body, round(1.0 / PERIOD_S)
-    apart_m = 1.5 * (body.front_m + body.rear_m)
-    shown = [np.transpose(corners(car, k, body)) for k in _apart(view, ticks, apart_m)]
-    axes.add_collection(
-        PolyCollection(shown, facecolor=TRAIL, edgecolor=CAR, alpha=0.6, linewidth=0.6, zorder=3)
-    )
-    moving = [line for line in view.horizons.values() if np.ptp(line.x_m) + np.ptp(line.y_m)]
-    for number, line in enumerate(moving[:: max(1, -(-len(moving) // HORIZONS))]):
-        label = "" if number else "predicted"
-        axes.plot(*line, color=HORIZON, linewidth=1.2, zorder=4, label=label)
+    """Draw the outline of the car and the time in some places, and some predictions."""
+    car, body = view.car, drive.body
     low, high = extent([view])
-    for k in _apart(view, ticks, float(max(high - low)) / LABELS):
+    apart_m = max(2.0 * (body.front_m + body.rear_m), float(max(high - low)) / PLACES)
+    places = list[int]()
+    for k in range(0, len(drive), round(1.0 / PERIOD_S)):
+        away_m = np.hypot(car.x_m[places] - car.x_m[k], car.y_m[places] - car.y_m[k])
+        if np.all(away_m >= apart_m):
+            places.append(k)
+    outlines = [np.transpose(corners(car, k, body)) for k in places]
+    axes.add_collection(
+        PolyCollection(outlines, facecolor=TRAIL, edgecolor=CAR, alpha=0.6, linewidth=0.6, zorder=3)
+    )
+    for k in places:
         yaw_rad = car.yaw_rad[k]
         axes.annotate(
             f"{drive['time_s'][k]:.0f} s",
@@ -76,13 +77,7 @@ def draw_along(axes: Axes, drive: Drive, view: PlanView) -> None:
             va="center",
             fontsize=7.5,
         )
-
-
-def _apart(view: PlanView, ticks: int, apart_m: float) -> list[int]:
-    """Every so many ticks, those whose car is `apart_m` or more from all chosen before."""
-    (x_m, y_m, _), chosen = view.car, list[int]()
-    for k in range(0, len(x_m), ticks):
-        away_m = np.hypot(x_m[chosen] - x_m[k], y_m[chosen] - y_m[k])
-        if np.all(away_m >= apart_m):
-            chosen.append(k)
-    return chosen
+    moving = [line for line in view.horizons.values() if np.ptp(line.x_m) + np.ptp(line.y_m)]
+    for number, line in enumerate(moving[:: max(1, -(-len(moving) // HORIZONS))]):
+        label = "" if number else "predicted"
+        axes.plot(*line, color=HORIZON, linewidth=1.2, zorder=4, label=label)

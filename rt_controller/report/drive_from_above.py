@@ -2,7 +2,7 @@
 
 from io import BytesIO
 from math import ceil
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -35,7 +35,12 @@ class _Panel:
         self._road_rad = np.interp(drive.poses[:, 0], view.road.s_m, view.road.heading_rad)
         draw_road(axes, view)
         # the dot shows the car where it is too small to see
-        dot = {"marker": "o", "markersize": 4.0, "markerfacecolor": CAR, "markeredgecolor": CAR}
+        dot: dict[str, Any] = {
+            "marker": "o",
+            "markersize": 4.0,
+            "markerfacecolor": CAR,
+            "markeredgecolor": CAR,
+        }
         (self._trail,) = axes.plot([], [], color=TRAIL, linewidth=2.5, markevery=[-1], **dot)
         (self._ahead,) = axes.plot([], [], color=HORIZON, linewidth=1.5, zorder=2.5)
         self._outline = Polygon(np.zeros((5, 2)), closed=True, color=CAR, zorder=3)
@@ -67,12 +72,7 @@ def animate(drive: Drive) -> bytes:
 
     view, texts = plan_view(drive), readings(drive)
     whole_in = head_height_in([view]) + NAMES_IN
-    height_in = whole_in + NEAR_IN
     figure, whole, (near,) = figure_under_head(1, whole_in, NEAR_IN)
-    figure.set_layout_engine("none")
-    box = 0.06, (NEAR_IN + 0.45) / height_in, 0.92, (whole_in - 0.75) / height_in
-    whole.set_position(box)
-    near.set_position((0.06, 0.45 / height_in, 0.92, (NEAR_IN - 0.7) / height_in))
     panels = _Panel(whole, drive, view, turns=False), _Panel(near, drive, view, turns=True)
     set_window(whole, *extent([view]))
     set_window(near, *np.array(NEAR_M))
@@ -80,6 +80,9 @@ def animate(drive: Drive) -> bytes:
     near.set_ylabel("to the left / m")
     canvas, images = FigureCanvasAgg(figure), list[Image.Image]()
     figure.set_dpi(DOTS_PER_INCH)
+    whole.set_title(texts[0], loc="left")
+    canvas.draw()  # type: ignore[no-untyped-call]
+    figure.set_layout_engine("none")  # the panels stay where they are
     ticks = TICKS_PER_FRAME * max(1, ceil(len(drive) / (TICKS_PER_FRAME * MOST_FRAMES)))
     for k in range(0, len(drive), ticks):
         for panel in panels:

@@ -40,31 +40,22 @@ _FIGURES = (
     ("steering wheel at its limit / s", "at_limit_s.steer_rad", 1.0),
     ("begin of the safe stop / s", "stop_s", 1.0),
     ("ticks", "ticks", 1.0),
+    ("deadline misses", "deadline_misses", 1.0),
+    ("skipped periods", "skipped_ticks", 1.0),
+    ("frames missing in the log", "log_frames_dropped", 1.0),
+    ("age of the state, median / ms", "state_age_ms.p50", 1.0),
+    ("age of the state, largest / ms", "state_age_ms.max", 1.0),
     ("ticks with another command in the replay", "ticks_with_other_command", 1.0),
 )
 """name, key with a dot before the part of a table, scale"""
-_TIMES = (
-    ("deadline misses", "deadline_misses", 1.0),
-    ("skipped periods", "skipped_ticks", 1.0),
-    *(
-        (f"{name}, {words} / us", f"{field}.{key}", 1.0)
-        for name, field in (("step", "step_us"), ("lateness of the wake-up", "wake_us"))
-        for words, key in (("median", "p50"), ("99.9 %", "p999"), ("largest", "max"))
-    ),
-    *(
-        (f"{stage}, 99 % / us", f"{stage}_us.p99", 1.0)
-        for stage in ("receive", "check", "plan", "qp", "decide", "send")
-    ),
-    ("age of the state, median / ms", "state_age_ms.p50", 1.0),
-    ("age of the state, largest / ms", "state_age_ms.max", 1.0),
-)
-_FRAMES = tuple(
-    (key.replace("_", " "), f"frames_received.{key}", 1.0)
-    for key in (
-        "crc_errors", "repeated", "wrong_sequence", "counter_gap_frames", "out_of_range",
-        "overflowed",
-    )
-)  # fmt: skip
+_STAGES = "wake", "receive", "check", "plan", "qp", "decide", "send", "step"
+_TIMES = {
+    "stage": Column("", is_text=True),
+    "p50": Column("median", "us"),
+    "p99": Column("99 %", "us"),
+    "p999": Column("99.9 %", "us"),
+    "max": Column("largest", "us"),
+}
 _CHECKS = {
     "check": Column("check", is_text=True),
     "largest": Column("largest value"),
@@ -119,7 +110,7 @@ def drive_page(drives: Sequence[ReportedDrive]) -> Page:
                 for each in drives
             ),
         ),
-        Section("Timing", (_figures_table("", _TIMES, drives),)),
+        Section("Timing", tuple(map(_times_table, drives))),
         Section(
             "Faults",
             (
@@ -127,7 +118,7 @@ def drive_page(drives: Sequence[ReportedDrive]) -> Page:
                     _listed(f"Faults of {each.name}", each.figures["events"], _EVENTS, SHOWN_EVENTS)
                     for each in drives
                 ),
-                _figures_table("Frames", _FRAMES, drives),
+                _figures_table("Frames", _frames(drives), drives),
             ),
         ),
     )
@@ -138,7 +129,8 @@ def compared_figures(drives: Sequence[ReportedDrive]) -> dict[str, Any]:
     """The figures of the page for programs, of two drives with the differences."""
     found: dict[str, Any] = {"drives": [each.figures for each in drives]}
     if len(drives) == 2:
-        keys = [key for _, key, _ in (*_FIGURES, *_TIMES, *_FRAMES)]
+        keys = [key for _, key, _ in (*_FIGURES, *_frames(drives))]
+        keys += (f"{stage}_us.{part}" for stage in _STAGES for part in [*_TIMES][1:])
         found["differences"] = {key: _values(key, drives)[-1] for key in keys}
     return found
 
@@ -173,6 +165,17 @@ def _figures_table(
         for name, key, scale in figures
     )
     return Table(title, (Column("", is_text=True), *map(Column, heads)), rows)
+
+
+def _frames(drives: Sequence[ReportedDrive]) -> list[tuple[str, str, float]]:
+    """Figures of frames that were lost or refused."""
+    counts = drives[0].figures["frames_received"]
+    return [(key.replace("_", " "), f"frames_received.{key}", 1.0) for key in counts]
+
+
+def _times_table(drive: ReportedDrive) -> Part:
+    rows = [{"stage": stage, **drive.figures[f"{stage}_us"]} for stage in _STAGES]
+    return _listed(f"Stages of {drive.name}", rows, _TIMES, len(rows))
 
 
 def _listed(

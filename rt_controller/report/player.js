@@ -1,16 +1,15 @@
 "use strict";
 // Draws and plays the drives of a figure of class "player" from the content that player.py gives.
 for (const figure of document.querySelectorAll("figure.player")) {
-  const { lines, drives, low, high, start_s } =
-    JSON.parse(figure.querySelector("script").textContent);
+  const { lines, drives, start_s } = JSON.parse(figure.querySelector("script").textContent);
   const svg = figure.querySelector("svg"), world = svg.querySelector("g");
   const { width, height } = svg.viewBox.baseVal;
   const SCALE = 9, PLACE = [0.3 * width, 0.5 * height]; // pixels per m around the car, its place
-  const [play, speed, slider, view] = ["play", "speed", "time", "view"].map((name) =>
+  const [play, speed, slider] = ["play", "speed", "time"].map((name) =>
     figure.querySelector(`[name=${name}]`));
   // With reduced motion the picture changes twice a second only.
-  const calm = matchMedia("(prefers-reduced-motion: reduce)");
-  let time = start_s, last = null, shown = 0;
+  const step_s = matchMedia("(prefers-reduced-motion: reduce)").matches ? 0.5 : 0.04;
+  let time = start_s, timer = 0;
 
   function add(kind, d = "", color = "") {
     const path = document.createElementNS(svg.namespaceURI, "path");
@@ -51,41 +50,30 @@ for (const figure of document.querySelectorAll("figure.player")) {
         `translate(${drive.x[row]} ${drive.y[row]}) rotate(${drive.yaw_deg[row]})`);
       drive.line.querySelector("output").textContent = drive.text[row];
     }
-    const [car] = drives, row = rowAt(car), size = [high[0] - low[0], high[1] - low[1]];
-    const scale = view.checked ? Math.min(width / size[0], height / size[1]) : SCALE;
-    world.setAttribute("transform", view.checked ?
-      `translate(${width / 2} ${height / 2}) scale(${scale} ${-scale}) ` +
-      `translate(${-low[0] - size[0] / 2} ${-low[1] - size[1] / 2})` :
-      `translate(${PLACE.join(" ")}) scale(${scale} ${-scale}) ` +
+    const [car] = drives, row = rowAt(car); // its road points to the right
+    world.setAttribute("transform", `translate(${PLACE.join(" ")}) scale(${SCALE} ${-SCALE}) ` +
       `rotate(${-car.road_deg[row]}) translate(${-car.x[row]} ${-car.y[row]})`);
   }
 
-  function setPlaying(isPlaying) {
-    last = null;
-    play.textContent = isPlaying ? "Pause" : "Play";
-    if (isPlaying) requestAnimationFrame(advance);
+  function pause() {
+    clearInterval(timer);
+    timer = 0;
+    play.textContent = "Play";
   }
 
-  function advance(now) {
-    if (play.textContent !== "Pause") return;
-    const passed_s = last === null ? 0 : (now - last) / 1000 * Number(speed.value);
-    time = Math.min(time + passed_s, Number(slider.max));
-    last = now;
-    const isOver = time >= Number(slider.max);
-    if (isOver || !calm.matches || now - shown >= 500) {
-      shown = now;
-      show();
-    }
-    if (isOver) setPlaying(false); else requestAnimationFrame(advance);
+  function advance() {
+    time = Math.min(time + step_s * Number(speed.value), Number(slider.max));
+    show();
+    if (time >= Number(slider.max)) pause();
   }
 
   play.addEventListener("click", () => {
-    const isPlaying = play.textContent === "Play";
-    if (isPlaying && time >= Number(slider.max)) time = 0;
-    setPlaying(isPlaying);
+    if (timer) return pause();
+    if (time >= Number(slider.max)) time = 0;
+    timer = setInterval(advance, 1000 * step_s);
+    play.textContent = "Pause";
   });
   slider.addEventListener("input", () => { time = Number(slider.value); show(); });
-  view.addEventListener("change", show);
   figure.hidden = false;
   show();
 }

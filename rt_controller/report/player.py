@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rt_controller.contract.arrays import Array
-from rt_controller.drive.plan_view import Line, PlanView, extent, outline, plan_view, readings
+from rt_controller.drive.plan_view import Line, PlanView, outline, plan_view, readings
 from rt_controller.drive.table import Drive
 from rt_controller.report.canvas import STRONG
 
@@ -31,11 +31,8 @@ def play(drives: Mapping[str, Drive]) -> Player:
     It begins where the first safe stop does, else where the lateral error is largest.
     """
     views = [plan_view(drive) for drive in drives.values()]
-    low, high = extent(views)
     content = {
         "lines": {kind: _path_data(line) for kind, line in views[0].lines.items()},
-        "low": _rounded(low),
-        "high": _rounded(high),
         "start_s": _most_interesting_s(list(drives.values())),
         "drives": [
             {"name": name, "color": color, **_moving(drive, view)}

@@ -13,10 +13,9 @@ from rich.console import Console
 from threadpoolctl import threadpool_limits
 
 from rt_controller.bus.messages import STATE
-from rt_controller.contract.errors import ConfigError, OutputError
+from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.faults import FAULT_SENTENCES, Fault
 from rt_controller.contract.figures import require_writable, write_figures
-from rt_controller.contract.files import write_text
 from rt_controller.contract.signals import InputColumn, Mode
 from rt_controller.contract.timing import PERIOD_S
 from rt_controller.drive.table import Drive, PredictedPath
@@ -32,7 +31,7 @@ from rt_controller.recording.replay import (
 )
 from rt_controller.report.drive_page import ReportedDrive, compared_figures, drive_page
 from rt_controller.report.overlay import Curve, curves_of
-from rt_controller.report.page import render_page, require_report_extra
+from rt_controller.report.page import require_report_extra, write_page
 from rt_controller.safety.tick import Tick
 from rt_controller.simulation import predicted_path
 from rt_controller.terminal.progress import announce
@@ -71,20 +70,13 @@ def report_at_terminal(
             with closing(Replay(recorded, model)) as replay:
                 drives.append(_Account(recorded, replay).reported())
     with announce("drawing", is_quiet):
-        html = render_page(drive_page(drives))
-    try:
-        write_text(page_file, html)
-    except OSError as error:
-        raise OutputError(
-            f"--output {page_file}: expected room for the page, found {error.strerror}. Free some "
-            f"space, or choose another folder."
-        ) from error
+        written = write_page(drive_page(drives), page_file, "--output")
     for drive in drives:
         named = f"{drive.name}: " if len(drives) > 1 else ""
         Console().print(
             named + drive.figures["headline"][0], highlight=False, markup=False, soft_wrap=True
         )
-    print(f"{page_file}, {len(html.encode()) / 1e6:.1f} MB")
+    print(written)
     write_figures(json_file, compared_figures(drives))
     return 0
 
