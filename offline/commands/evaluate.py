@@ -120,7 +120,7 @@ def write_page(path: Path, evaluation: Evaluation) -> None:
     from offline.evaluation.lane_change import drive_lane_change
     from offline.evaluation.page import evaluation_page
     from offline.evaluation.predictor import predict_trajectories
-    from rt_controller.report.page import write_page
+    from rt_controller.report.page import save_page
 
     with STDERR.status("drawing"):
         lane_change = None
@@ -134,7 +134,7 @@ def write_page(path: Path, evaluation: Evaluation) -> None:
             }
             lane_change = driven, predicted
         page = evaluation_page(evaluation.comparison, [*evaluation.bundles.values()], lane_change)
-        written = write_page(page, path, "--html")
+        written = save_page(page, path, "--html")
     STDOUT.print(written, soft_wrap=True)
 
 

@@ -2,7 +2,7 @@
 
 from io import BytesIO
 from math import ceil
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -34,14 +34,11 @@ class _Panel:
         self._view, self._body, self._turns = view, drive.body, turns
         self._road_rad = np.interp(drive.poses[:, 0], view.road.s_m, view.road.heading_rad)
         draw_road(axes, view)
-        # the dot shows the car where it is too small to see
-        dot: dict[str, Any] = {
-            "marker": "o",
-            "markersize": 4.0,
-            "markerfacecolor": CAR,
-            "markeredgecolor": CAR,
-        }
-        (self._trail,) = axes.plot([], [], color=TRAIL, linewidth=2.5, markevery=[-1], **dot)
+        # its end has a dot: on a long way the car is too small to see
+        (self._trail,) = axes.plot(
+            [], [], "o-", color=TRAIL, linewidth=2.5, markevery=[-1], markersize=4.0,
+            markerfacecolor=CAR, markeredgecolor=CAR,
+        )  # fmt: skip
         (self._ahead,) = axes.plot([], [], color=HORIZON, linewidth=1.5, zorder=2.5)
         self._outline = Polygon(np.zeros((5, 2)), closed=True, color=CAR, zorder=3)
         axes.add_patch(self._outline)

@@ -6,7 +6,7 @@ and is a still picture without it.
     page = Page("Acceptance of the car", (
         Section("Braking", ("150 N at the pedal.", table, Plot(figure, "Speed."))),
     ))
-    write_page(page, file, "--html")
+    save_page(page, file, "--html")
 """
 
 import re
@@ -82,7 +82,7 @@ def render_page(page: Page) -> str:
     return environment.get_template("page.html.j2").render(page=page)
 
 
-def write_page(page: Page, file: Path, option: str) -> str:
+def save_page(page: Page, file: Path, option: str) -> str:
     """Write the page; a line with its name and size. `option` is the one that named it.
 
     Raises:

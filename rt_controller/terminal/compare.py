@@ -10,7 +10,7 @@ from rt_controller.comparison import ComparedDrive, Comparison, compare
 from rt_controller.contract.figures import require_writable, write_figures
 from rt_controller.report.comparison_page import comparison_page, comparison_table, headline
 from rt_controller.report.drive_figure import require_figure_file, write_figure
-from rt_controller.report.page import require_report_extra, write_page
+from rt_controller.report.page import require_report_extra, save_page
 from rt_controller.report.table import print_table
 from rt_controller.settings import CarSettings
 from rt_controller.terminal.progress import show
@@ -66,7 +66,7 @@ def compare_at_terminal(
     if html is not None:
         drives = {name: comparison.first_drives(name) for name in comparison.scenarios}
         page = comparison_page(compared, seeds, drives, _conditions(car))
-        show(write_page(page, html, "--html"), is_quiet)
+        show(save_page(page, html, "--html"), is_quiet)
     return 0
 
 

@@ -1,9 +1,8 @@
 """`rt-controller report LOG`: a page about a whole recorded drive, or about two side by side."""
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import asdict, replace
-from itertools import groupby
 from math import isnan, nan
 from pathlib import Path
 from typing import Any
@@ -31,7 +30,7 @@ from rt_controller.recording.replay import (
 )
 from rt_controller.report.drive_page import ReportedDrive, compared_figures, drive_page
 from rt_controller.report.overlay import Curve, curves_of
-from rt_controller.report.page import require_report_extra, write_page
+from rt_controller.report.page import require_report_extra, save_page
 from rt_controller.safety.tick import Tick
 from rt_controller.simulation import predicted_path
 from rt_controller.terminal.progress import announce
@@ -70,7 +69,7 @@ def report_at_terminal(
             with closing(Replay(recorded, model)) as replay:
                 drives.append(_Account(recorded, replay).reported())
     with announce("drawing", is_quiet):
-        written = write_page(drive_page(drives), page_file, "--output")
+        written = save_page(drive_page(drives), page_file, "--output")
     for drive in drives:
         named = f"{drive.name}: " if len(drives) > 1 else ""
         Console().print(
@@ -250,21 +249,18 @@ def _quantiles(ages_ms: Sequence[float]) -> dict[str, float | None]:
 
 def _events(ticks: Sequence[Tick], times_s: Sequence[float]) -> list[dict[str, Any]]:
     """When the plan was held, the car was stopped, and each bit of the heartbeat was set."""
-    found = list[dict[str, Any]]()
-
-    def add(name: str, why: str, is_set: Iterable[bool]) -> None:
-        first = 0
-        for value, group in groupby(is_set):
-            n_ticks = len(list(group))
-            if value:
-                end_s = times_s[first + n_ticks - 1] + PERIOD_S
-                event = {"name": name, "why": why, "begin_s": times_s[first], "end_s": end_s}
-                found.append({**event, "ticks": n_ticks})
-            first += n_ticks
-
-    degraded = [(t.mode, t.cause) for t in ticks if t.mode in (Mode.HOLD_PLAN, Mode.SAFE_STOP)]
-    for mode, cause in dict.fromkeys(degraded):
-        add(mode.name, cause.value, ((t.mode, t.cause) == (mode, cause) for t in ticks))
-    for fault, sentence in FAULT_SENTENCES.items():
-        add(f"{fault.name}", sentence, (fault in t.faults for t in ticks))
-    return sorted(found, key=lambda event: event["begin_s"])
+    found, lasting = list[dict[str, Any]](), dict[tuple[str, str], dict[str, Any]]()
+    for tick, begin_s in zip(ticks, times_s, strict=True):
+        now = [(fault.name, why) for fault, why in FAULT_SENTENCES.items() if fault in tick.faults]
+        if tick.mode in (Mode.HOLD_PLAN, Mode.SAFE_STOP):
+            now.insert(0, (tick.mode.name, tick.cause.value))
+        new = {
+            key: {"name": key[0], "why": key[1], "begin_s": begin_s, "ticks": 0}
+            for key in now
+            if key not in lasting
+        }
+        found += new.values()
+        lasting = {key: lasting.get(key) or new[key] for key in now}
+        for event in lasting.values():
+            event |= {"end_s": begin_s + PERIOD_S, "ticks": event["ticks"] + 1}
+    return found
