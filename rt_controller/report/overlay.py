@@ -109,7 +109,8 @@ def draw_drives(
             if curve.wanted is not None:
                 axis.plot(time_s, curve.wanted, "--", color=FAINT, linewidth=1.2)
             axis.plot(time_s, curve.values, **style)
-            axis.set_ylabel(f"{curve_name} / {curve.unit}".replace(": ", ":\n"))
+            label = f"{curve_name} / {curve.unit}".replace(": ", ":\n")
+            axis.set_ylabel(label, fontsize="small")
         _draw_bounds(axis, [(time_s, curve) for time_s, curve, _ in found])
         _shade(axis, list(drives.values()))
     figure.align_ylabels(panels)

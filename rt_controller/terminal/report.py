@@ -208,8 +208,9 @@ class _Account:
         step_us = self._record.deadlines.last()[:, TickTimes._fields.index("step_us")]
         curves = {**curves_of(drive), "step": Curve("us", step_us)}
         for check in self._replay.node.supervisor.checks:
-            bound, quantity = np.full(len(drive), check.threshold), check.quantity
-            curves[f"check: {check.name}"] = Curve(quantity.unit, values[:, quantity], bound=bound)
+            quantity, threshold = check.quantity, np.full(len(drive), check.threshold)
+            curve = Curve(quantity.unit, values[:, quantity], bound=threshold)
+            curves[f"check: {check.name}"] = curve
         for name, bound in (
             ("lateral error", curves["check: tracking"].bound),
             ("steering wheel", np.degrees(upper[:, InputColumn.steer_rad])),
@@ -251,7 +252,9 @@ def _events(ticks: Sequence[Tick], times_s: Sequence[float]) -> list[dict[str, A
     """When the plan was held, the car was stopped, and each bit of the heartbeat was set."""
     found, lasting = list[dict[str, Any]](), dict[tuple[str, str], dict[str, Any]]()
     for tick, begin_s in zip(ticks, times_s, strict=True):
-        now = [(fault.name, why) for fault, why in FAULT_SENTENCES.items() if fault in tick.faults]
+        now = [
+            (f"{fault.name}", why) for fault, why in FAULT_SENTENCES.items() if fault in tick.faults
+        ]
         if tick.mode in (Mode.HOLD_PLAN, Mode.SAFE_STOP):
             now.insert(0, (tick.mode.name, tick.cause.value))
         new = {
