@@ -89,7 +89,6 @@ def driven_scenario(car: "BridgeSession") -> DrivenScenario:
         name=scenario.name,
         plant=car.bridge.plant_name,
         friction=scenario.road.uniform_friction,
-        start_s_m=scenario.start.s_m,
         cones=course.cones,
         lanes=course.lanes,
         road=RoadLine(s_m, road.curvature_per_m(s_m), half_width_m),

@@ -10,7 +10,7 @@ from cyclopts import Parameter
 
 from offline.commands.options import LATEST_RUN, JsonFile, require_ready
 from offline.commands.terminal import STDERR, STDOUT
-from rt_controller.contract.errors import ConfigError, OutputError
+from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.figures import require_writable, write_figures
 from rt_controller.terminal.command_line import new_app, run_command
 
@@ -120,8 +120,7 @@ def write_page(path: Path, evaluation: Evaluation) -> None:
     from offline.evaluation.lane_change import drive_lane_change
     from offline.evaluation.page import evaluation_page
     from offline.evaluation.predictor import predict_trajectories
-    from rt_controller.contract.files import write_text
-    from rt_controller.report.page import render_page
+    from rt_controller.report.page import save_page
 
     with STDERR.status("drawing"):
         lane_change = None
@@ -135,15 +134,8 @@ def write_page(path: Path, evaluation: Evaluation) -> None:
             }
             lane_change = driven, predicted
         page = evaluation_page(evaluation.comparison, [*evaluation.bundles.values()], lane_change)
-        text = render_page(page)
-    try:
-        write_text(path, text)
-    except OSError as error:
-        raise OutputError(
-            f"--html {path}: expected room for the page, found {error.strerror}. The fitted "
-            f"baselines are in the cache: free some space and give the command again."
-        ) from error
-    STDOUT.print(f"{path}, {len(text.encode()) / 1e6:.1f} MB", soft_wrap=True)
+        written = save_page(page, path, "--html")
+    STDOUT.print(written, soft_wrap=True)
 
 
 def run_evaluation(

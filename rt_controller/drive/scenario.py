@@ -1,9 +1,10 @@
 """What a simulated drive was asked to do, and the figures that its scenario asks for."""
 
 from collections.abc import Iterable
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-from rt_controller.contract.arrays import Array
+if TYPE_CHECKING:  # the command lines read this module before they need numpy
+    from rt_controller.contract.arrays import Array
 
 EXIT_LIMIT = 8
 """exit code of a drive to its end that missed a limit of its scenario"""
@@ -38,10 +39,10 @@ class Outline(NamedTuple):
 class RoadLine(NamedTuple):
     """The reference line of the road from behind the start to ahead of the end of the drive."""
 
-    s_m: Array
+    s_m: "Array"
     """(n,), increasing"""
-    curvature_per_m: Array
-    half_width_m: Array
+    curvature_per_m: "Array"
+    half_width_m: "Array"
     """from the line to each edge of the road; NaN: not known"""
 
 
@@ -53,7 +54,6 @@ class DrivenScenario(NamedTuple):
     """name of the plant; of the own car that of its parameters"""
     friction: float | None
     """of the whole road; None: it changes along the road or across it"""
-    start_s_m: float = 0.0
     cones: tuple[ConeAt, ...] = ()
     lanes: tuple[LaneAt, ...] = ()
     road: RoadLine | None = None

@@ -24,7 +24,7 @@ MODE = Signal("mode", "1")
 PLACE = Signal("s_m", "m")
 COLUMNS = (TIME, *VEHICLE.states, *VEHICLE.exogenous, *REFERENCE, *VEHICLE.inputs, MODE, PLACE)
 """of a drive: time, measured states and curvature, reference at the car, input sent, `Mode`, and
-arc length: the sum of `ds_m` since the car was first driven, of a simulated car from its start on
+arc length: of a simulated car its true place, else the sum of `ds_m` since the car was first driven
 (a period without a new state counts as the one before)"""
 
 
@@ -159,12 +159,13 @@ class Drive:
         true_poses: Array,
         horizons: tuple[PredictedPath, ...] = (),
     ) -> "Drive":
-        """The drive with its scenario and figures; its arc length begins at the start of it.
+        """The drive with its scenario and figures; its arc length is the true one.
 
         That of `horizons` is counted from the car.
         """
         values = self.values.copy()
-        values[:, self.columns.index(PLACE.name)] += scenario.start_s_m
+        # The sum of ds_m has a period more: a simulated car stands until the first command.
+        values[:, self.columns.index(PLACE.name)] = true_poses[:, 0]
         placed = tuple(
             each._replace(s_m=each.s_m + true_poses[each.tick, 0])
             for each in horizons

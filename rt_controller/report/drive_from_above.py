@@ -1,4 +1,4 @@
-"""The moving picture of one drive: the car from above, in the plane and along its road."""
+"""The moving picture of one drive: the whole way, and the road around the car."""
 
 from io import BytesIO
 from math import ceil
@@ -7,141 +7,90 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rt_controller.contract.timing import PERIOD_S
-from rt_controller.drive.plan_view import Line, PlanView, Poses, corners, plan_view
-from rt_controller.drive.table import Drive, filled
+from rt_controller.drive.plan_view import PlanView, corners, extent, plan_view, readings
+from rt_controller.drive.table import Drive
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from PIL.Image import Image
 
 TICKS_PER_FRAME, MOST_FRAMES = 4, 200
 """a frame every 100 ms, of a longer drive a multiple of that: the file stays small"""
-BEHIND_M, AHEAD_M, BESIDE_M = 12.0, 68.0, 5.5
-"""of the road that is seen around the car"""
-LONGEST_WHOLE_M = 300.0
-"""a longer drive is seen in a window of this width, which follows the car"""
-NAMES_IN, STRIP_IN = 0.2, 2.1
-"""height of names of axes, and of the lower panel"""
-DOTS_PER_INCH = 72
-KMH_PER_MPS = 3.6
+NEAR_M = (-12.0, -6.0), (68.0, 6.0)
+"""corners of the part of the road that is seen, x along it; the origin is the car"""
+NEAR_IN, NAMES_IN = 2.2, 0.2
+"""height of this panel, and of names of axes"""
+DOTS_PER_INCH, COLOURS = 72, 32
 
 
 class _Panel:
-    """A panel in which trail, prediction and car move."""
+    """A panel in which trail, prediction and car move, and the road if it `turns` with the car."""
 
-    def __init__(self, axes: "Axes", car: Poses, horizons: dict[int, Line], drive: Drive) -> None:
+    def __init__(self, axes: "Axes", drive: Drive, view: PlanView, turns: bool) -> None:
         from matplotlib.patches import Polygon
+        from matplotlib.transforms import Affine2D
 
-        from rt_controller.report.above import CAR, HORIZON, TRAIL
+        from rt_controller.report.above import CAR, HORIZON, TRAIL, draw_road
 
-        self._car, self._horizons, self._body = car, horizons, drive.body
-        (self._trail,) = axes.plot([], [], color=TRAIL, linewidth=2.5)
+        self._view, self._body, self._turns = view, drive.body, turns
+        self._road_rad = np.interp(drive.poses[:, 0], view.road.s_m, view.road.heading_rad)
+        draw_road(axes, view)
+        # its end has a dot: on a long way the car is too small to see
+        (self._trail,) = axes.plot(
+            [], [], "o-", color=TRAIL, linewidth=2.5, markevery=[-1], markersize=4.0,
+            markerfacecolor=CAR, markeredgecolor=CAR,
+        )  # fmt: skip
         (self._ahead,) = axes.plot([], [], color=HORIZON, linewidth=1.5, zorder=2.5)
-        self._outline = Polygon(np.zeros((4, 2)), closed=True, color=CAR, zorder=3)
+        self._outline = Polygon(np.zeros((5, 2)), closed=True, color=CAR, zorder=3)
         axes.add_patch(self._outline)
+        self._place = Affine2D()
+        for each in (*axes.lines, self._outline):
+            each.set_transform(self._place + axes.transData)
 
     def move_to(self, tick: int) -> None:
-        self._trail.set_data(self._car.x_m[: tick + 1], self._car.y_m[: tick + 1])
-        self._ahead.set_data(*self._horizons.get(tick, ([], [])))
-        self._outline.set_xy(np.transpose(corners(self._car, tick, self._body)))
+        car = self._view.car
+        self._trail.set_data(car.x_m[: tick + 1], car.y_m[: tick + 1])
+        self._ahead.set_data(*self._view.horizons.get(tick, ([], [])))
+        self._outline.set_xy(np.transpose(corners(car, tick, self._body)))
+        if self._turns:
+            self._place.clear().translate(-car.x_m[tick], -car.y_m[tick])
+            self._place.rotate(-self._road_rad[tick])
 
 
 def animate(drive: Drive) -> bytes:
-    """A GIF: above the drive in the plane, below its road stretched straight around the car.
+    """A GIF: above the whole drive, below the road around the car, seen along it.
 
     Dashed is the path, light the way that the car has come, red what its controller predicts.
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from PIL import Image
 
-    from rt_controller.report.above import draw_road, head_height_in
+    from rt_controller.report.above import head_height_in, set_window
     from rt_controller.report.canvas import figure_under_head
 
-    view = plan_view(drive)
-    plane_in = head_height_in([view]) + NAMES_IN
-    height_in = plane_in + STRIP_IN
-    figure, plane, (road,) = figure_under_head(1, plane_in, STRIP_IN)
-    figure.set_layout_engine("none")
-    box = 0.06, (STRIP_IN + 0.45) / height_in, 0.92, (plane_in - 0.75) / height_in
-    plane.set_position(box)
-    road.set_position((0.06, 0.45 / height_in, 0.92, (STRIP_IN - 0.7) / height_in))
-    draw_road(plane, view)
-    _draw_strip(road, drive)
-    s, ey, epsi = drive.poses.T
-    path, vx, wheel = (filled(drive[name]) for name in ("path_ey_m", "vx_mps", "steer_rad"))
-    middle_m = 0.5 * (np.min(path) + np.max(path))
-    along = {each.tick: Line(each.s_m, each.ey_m) for each in drive.horizons}
-    panels = (
-        _Panel(plane, view.car, view.horizons, drive),
-        _Panel(road, Poses(s, ey, epsi), along, drive),
-    )
+    view, texts = plan_view(drive), readings(drive)
+    whole_in = head_height_in([view]) + NAMES_IN
+    figure, whole, (near,) = figure_under_head(1, whole_in, NEAR_IN)
+    panels = _Panel(whole, drive, view, turns=False), _Panel(near, drive, view, turns=True)
+    set_window(whole, *extent([view]))
+    set_window(near, *np.array(NEAR_M))
+    near.set_xlabel("along the road, from the car / m")
+    near.set_ylabel("to the left / m")
     canvas, images = FigureCanvasAgg(figure), list[Image.Image]()
     figure.set_dpi(DOTS_PER_INCH)
+    whole.set_title(texts[0], loc="left")
+    canvas.draw()  # type: ignore[no-untyped-call]
+    figure.set_layout_engine("none")  # the panels stay where they are
     ticks = TICKS_PER_FRAME * max(1, ceil(len(drive) / (TICKS_PER_FRAME * MOST_FRAMES)))
     for k in range(0, len(drive), ticks):
         for panel in panels:
             panel.move_to(k)
-        _follow(plane, view, k)
-        road.set_xlim(s[k] - BEHIND_M, s[k] + AHEAD_M)
-        seen_m = BESIDE_M - 0.5 * (drive.body.front_m + drive.body.rear_m)
-        # a car that leaves its path stays in the picture
-        centre_m = min(max(middle_m, ey[k] - seen_m), ey[k] + seen_m)
-        road.set_ylim(centre_m - BESIDE_M, centre_m + BESIDE_M)
-        plane.set_title(
-            f"{k * PERIOD_S:4.1f} s   {KMH_PER_MPS * vx[k]:3.0f} km/h   lateral error "
-            f"{1e3 * (ey[k] - path[k]):+4.0f} mm   steering wheel {np.degrees(wheel[k]):+4.0f} deg",
-            family="DejaVu Sans Mono",
-        )
+        whole.set_title(texts[k], loc="left", family="DejaVu Sans Mono")
         canvas.draw()  # type: ignore[no-untyped-call]
         pixels = np.asarray(canvas.buffer_rgba())  # type: ignore[no-untyped-call]
         images.append(Image.fromarray(pixels).convert("RGB"))
-    return _to_gif(images, round(1e3 * ticks * PERIOD_S))
-
-
-def _draw_strip(axes: "Axes", drive: Drive) -> None:
-    """Draw path and cones along the road."""
-    from rt_controller.report.above import CONE
-    from rt_controller.report.canvas import FAINT
-
-    axes.set_aspect("equal")
-    axes.set_xlabel("place on the road / m")
-    axes.set_ylabel("e_y / m")
-    axes.plot(drive.poses[:, 0], drive["path_ey_m"], "--", color=FAINT, linewidth=1.2)
-    if drive.scenario is not None and drive.scenario.cones:
-        axes.plot(*np.transpose(drive.scenario.cones), "^", color=CONE, markersize=4.0)
-
-
-def _follow(axes: "Axes", view: PlanView, tick: int) -> None:
-    """Show the whole drive, or of a long one the part around the car."""
-    from rt_controller.report.above import set_window
-
-    low, high = set_window(axes, [view])
-    box = axes.get_window_extent().size
-    if max((high - low) / box) * box[0] <= LONGEST_WHOLE_M:
-        return
-    half_m = 0.5 * LONGEST_WHOLE_M * np.array([1.0, box[1] / box[0]])
-    x_m, y_m = view.car.x_m[tick], view.car.y_m[tick]
-    axes.set_xlim(x_m - half_m[0], x_m + half_m[0], auto=True)
-    axes.set_ylim(y_m - half_m[1], y_m + half_m[1], auto=True)
-
-
-def _to_gif(images: "list[Image]", duration_ms: int) -> bytes:
-    from matplotlib.colors import to_rgb
-    from PIL.Image import Dither
-    from PIL.Image import new as new_image
-
-    from rt_controller.report.above import CAR, CONE, EDGE, HORIZON, NOMINAL, TRAIL
-    from rt_controller.report.canvas import FAINT, GRID, INK
-
-    # One palette for all frames keeps the file small: the colours, and each half way to white.
-    names = (INK, FAINT, GRID, CAR, CONE, EDGE, HORIZON, NOMINAL, TRAIL)
-    full = np.array([to_rgb(name) for name in names])
-    colours = np.vstack([np.ones((1, 3)), full, 0.5 + 0.5 * full])
-    palette = new_image("P", (1, 1))
-    palette.putpalette(np.round(255.0 * colours).astype(int).ravel().tolist())
-    frames = [each.quantize(palette=palette, dither=Dither.NONE) for each in images]
-    out = BytesIO()
-    frames[0].save(
-        out, "GIF", save_all=True, append_images=frames[1:], duration=duration_ms, loop=0
-    )
+    # One palette for all frames keeps the file small.
+    palette = images[len(images) // 2].quantize(COLOURS)
+    first, *others = [each.quantize(palette=palette, dither=Image.Dither.NONE) for each in images]
+    out, duration_ms = BytesIO(), round(1e3 * ticks * PERIOD_S)
+    first.save(out, "GIF", save_all=True, append_images=others, duration=duration_ms, loop=0)
     return out.getvalue()

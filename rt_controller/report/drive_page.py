@@ -1,136 +1,83 @@
 """The page about a recorded drive, or about two of them side by side, from plain data."""
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
 from math import degrees
 from typing import Any, NamedTuple
 
-import numpy as np
-
-from rt_controller.contract.arrays import Array
 from rt_controller.drive.table import Drive
+from rt_controller.report.overlay import Curve, draw_drives
 from rt_controller.report.page import Page, Part, Plot, Section
-from rt_controller.report.table import NO_VALUE, Cell, Column, Row, Table, format_number
+from rt_controller.report.player import play
+from rt_controller.report.table import NO_VALUE, Column, Table, format_number
 
-SHOWN_EVENTS, SHOWN_CHECKS = 40, 8
+SHOWN_EVENTS, SHOWN_CHECKS, DRAWN_CHECKS = 40, 8, 3
 """of each drive on the page; the figures have all"""
 
 
-class Event(NamedTuple):
-    """A mode or a bit of the heartbeat, from its begin to its end."""
-
-    name: str
-    why: str
-    begin_s: float
-    """since the first tick"""
-    end_s: float
-    ticks: int
-
-
-class CheckedQuantity(NamedTuple):
-    """What a check compared with its threshold."""
-
-    name: str
-    unit: str
-    threshold: float
-    window_ticks: int
-    """in a row above the threshold, before the check acts"""
-    values: Array
-    """(ticks,), NaN: nothing was compared"""
-
-    @property
-    def share(self) -> Array:
-        """Of the threshold, (ticks,)."""
-        return self.values / self.threshold
-
-
-@dataclass(frozen=True, slots=True)
-class ReportedDrive:
+class ReportedDrive(NamedTuple):
     """A recorded drive with all that its page shows."""
 
     name: str
     drive: Drive
-    headline: tuple[str, ...]
-    """how it went in a sentence; then when and why it was disturbed, and what to do"""
-    notes: tuple[str, ...]
-    """what limits the page"""
-    events: tuple[Event, ...]
-    upper: Array
-    """(ticks, 3), largest input of each tick"""
-    rates_per_s: Array
-    """(ticks, 3), largest change of each input"""
-    checks: tuple[CheckedQuantity, ...]
-    times_us: Mapping[str, Array]
-    """(ticks,) by the name of the stage, as the columns of `--ticks`"""
-    state_age_ms: Array
-    """(ticks,), NaN: none had arrived"""
+    curves: Mapping[str, Curve]
+    """by name: those of each drive, "step" (its time), and "check: " with the name of each check"""
     figures: Mapping[str, Any]
-    """as in the summary of a drive"""
-
-    def closest_checks(self) -> list[tuple[float, CheckedQuantity]]:
-        """Largest share of the threshold of each check that compared something, falling."""
-        found = [(np.nanmax(c.share), c) for c in self.checks if not np.isnan(c.values).all()]
-        return sorted(((float(share), c) for share, c in found), key=lambda each: -each[0])
-
-
-class _Figure(NamedTuple):
-    name: str
-    unit: str
-    key: str
-    """in the figures, with a dot before the part of a table"""
-    scale: float = 1.0
+    """as in `--json`: the summary of a drive, and `headline` (how it went, then when, why and what
+    to do), `notes` (what limits the page), `events` (modes and fault bits), `checks` (the closest
+    to its threshold first)"""
 
 
 _MM, _DEG = 1e3, degrees(1.0)
 _FIGURES = (
-    _Figure("lateral error, RMS", "mm", "ey_rms_m", _MM),
-    _Figure("lateral error, peak", "mm", "ey_peak_m", _MM),
-    _Figure("heading error, RMS", "deg", "epsi_rms_rad", _DEG),
-    _Figure("heading error, peak", "deg", "epsi_peak_rad", _DEG),
-    _Figure("speed error, RMS", "m/s", "vx_rms_mps"),
-    _Figure("speed error, peak", "m/s", "vx_peak_mps"),
-    _Figure("throttle at its limit", "s", "at_limit_s.throttle"),
-    _Figure("brake at its limit", "s", "at_limit_s.brake_n"),
-    _Figure("steering wheel at its limit", "s", "at_limit_s.steer_rad"),
-    _Figure("begin of the safe stop", "s", "stop_s"),
-    _Figure("ticks", "1", "ticks"),
-    _Figure("ticks with another command in the replay", "1", "ticks_with_other_command"),
+    ("lateral error, RMS / mm", "ey_rms_m", _MM),
+    ("lateral error, peak / mm", "ey_peak_m", _MM),
+    ("heading error, RMS / deg", "epsi_rms_rad", _DEG),
+    ("heading error, peak / deg", "epsi_peak_rad", _DEG),
+    ("speed error, RMS / m/s", "vx_rms_mps", 1.0),
+    ("speed error, peak / m/s", "vx_peak_mps", 1.0),
+    ("throttle at its limit / s", "at_limit_s.throttle", 1.0),
+    ("brake at its limit / s", "at_limit_s.brake_n", 1.0),
+    ("steering wheel at its limit / s", "at_limit_s.steer_rad", 1.0),
+    ("begin of the safe stop / s", "stop_s", 1.0),
+    ("ticks", "ticks", 1.0),
+    ("deadline misses", "deadline_misses", 1.0),
+    ("skipped periods", "skipped_ticks", 1.0),
+    ("frames missing in the log", "log_frames_dropped", 1.0),
+    ("age of the state, median / ms", "state_age_ms.p50", 1.0),
+    ("age of the state, largest / ms", "state_age_ms.max", 1.0),
+    ("ticks with another command in the replay", "ticks_with_other_command", 1.0),
 )
-_TIMES = (
-    _Figure("deadline misses", "1", "deadline_misses"),
-    _Figure("skipped periods", "1", "skipped_ticks"),
-    *(
-        _Figure(f"{name}, {words}", "us", f"{field}.{key}")
-        for name, field in (("step", "step_us"), ("lateness of the wake-up", "wake_us"))
-        for words, key in (
-            ("median", "p50"),
-            ("99 %", "p99"),
-            ("99.9 %", "p999"),
-            ("largest", "max"),
-        )
-    ),
-    *(
-        _Figure(f"{name}, 99 %", "us", f"{field}.p99")
-        for name, field in (
-            ("receive", "receive_us"),
-            ("check", "check_us"),
-            ("plan", "plan_us"),
-            ("of this the QP", "qp_us"),
-            ("decide", "decide_us"),
-            ("send", "send_us"),
-        )
-    ),
-    _Figure("age of the state, median", "ms", "state_age_ms.p50"),
-    _Figure("age of the state, largest", "ms", "state_age_ms.max"),
-)
-_FRAMES = (
-    _Figure("wrong checksum or length", "1", "frames_received.crc_errors"),
-    _Figure("repeated counter", "1", "frames_received.repeated"),
-    _Figure("counter back, or too far ahead", "1", "frames_received.wrong_sequence"),
-    _Figure("missing between two counters", "1", "frames_received.counter_gap_frames"),
-    _Figure("values out of range", "1", "frames_received.out_of_range"),
-    _Figure("lost in the receive buffer", "1", "frames_received.overflowed"),
-    _Figure("missing in the log", "1", "log_frames_dropped"),
+"""name, key with a dot before the part of a table, scale"""
+_STAGES = "wake", "receive", "check", "plan", "qp", "decide", "send", "step"
+_TIMES = {
+    "stage": Column("", is_text=True),
+    "p50": Column("median", "us"),
+    "p99": Column("99 %", "us"),
+    "p999": Column("99.9 %", "us"),
+    "max": Column("largest", "us"),
+}
+_CHECKS = {
+    "check": Column("check", is_text=True),
+    "largest": Column("largest value"),
+    "threshold": Column("threshold"),
+    "unit": Column("unit", is_text=True),
+    "share_percent": Column("share", "%"),
+    "at_s": Column("at", "s"),
+    "window_ticks": Column("ticks in a row to act"),
+}
+_EVENTS = {
+    "begin_s": Column("from", "s"),
+    "end_s": Column("until", "s"),
+    "ticks": Column("ticks"),
+    "name": Column("mode or fault bit", is_text=True, width="short"),
+    "why": Column("why", is_text=True, width="long"),
+}
+"""key of the figures: column of the page"""
+_CAPTION = (
+    "From above, then over the time since the first tick: signals, the checks that came closest to "
+    "their thresholds, and the time from the first received frame of a step to its last sent one. "
+    "Grey and dashed: path and wanted speed. Red and dashed: the bound, where a curve comes near "
+    "it. Shaded: the plan was held, or the car was stopped."
 )
 
 
@@ -140,154 +87,110 @@ def drive_page(drives: Sequence[ReportedDrive]) -> Page:
     Raises:
         MissingExtraError: matplotlib is not installed.
     """
-    from rt_controller.report.player import draw_player
-    from rt_controller.report.signal_figure import draw_checks, draw_signals, draw_times
-
-    names = [each.name for each in drives]
-    introduction = [text for each in drives for text in _introduction(each, len(drives) > 1)]
+    by_name = {each.name: each.drive for each in drives}
+    closest = [check for each in drives for check in each.figures["checks"][:DRAWN_CHECKS]]
+    shown = (
+        "lateral error", "speed", "steering wheel", "wheel rate", "throttle", "brake",
+        *dict.fromkeys(f"check: {check['check']}" for check in closest), "step",
+    )  # fmt: skip
+    curves = [each.curves for each in drives]
+    introduction = list[str]()
+    for each in drives:
+        first, *others = each.figures["headline"]
+        introduction += [f"{each.name}: {first}" if len(drives) > 1 else first, *others]
+        introduction += (f"Note: {note}" for note in each.figures["notes"])
     sections = (
-        Section("From above", (draw_player([(each.name, each.drive) for each in drives]),)),
+        Section("From above", (play(by_name),)),
         Section("Figures", (_figures_table("", _FIGURES, drives),)),
-        Section("Signals against their bounds", (Plot(draw_signals(drives), _SIGNALS),)),
+        Section("Over time", (Plot(draw_drives(by_name, curves, shown), _CAPTION),)),
         Section(
             "Checks against their thresholds",
-            (Plot(draw_checks(drives), _CHECKS), *(_checks_table(each) for each in drives)),
+            tuple(
+                _listed(f"Checks of {each.name}", each.figures["checks"], _CHECKS, SHOWN_CHECKS)
+                for each in drives
+            ),
         ),
-        Section(
-            "Timing",
-            (Plot(draw_times(drives), _HISTOGRAM), _figures_table("", _TIMES, drives)),
-        ),
+        Section("Timing", tuple(map(_times_table, drives))),
         Section(
             "Faults",
-            (*(_events_part(each) for each in drives), _figures_table("Frames", _FRAMES, drives)),
+            (
+                *(
+                    _listed(f"Faults of {each.name}", each.figures["events"], _EVENTS, SHOWN_EVENTS)
+                    for each in drives
+                ),
+                _figures_table("Frames", _frames(drives), drives),
+            ),
         ),
     )
-    return Page(f"Drive {' and '.join(names)}", sections, tuple(introduction))
-
-
-_SIGNALS = (
-    "Time since the first tick. Dashed: bounds; where a curve stays far within its bound, the "
-    "bound is a text. Shaded: the plan was held, or the car was stopped."
-)
-_CHECKS = (
-    "The checks that came closest to their thresholds, each relative to its own; a check acts "
-    "after so many ticks in a row above it as its table says."
-)
-_HISTOGRAM = "Time of the step from its first received frame to its last sent one."
-
-
-def _introduction(drive: ReportedDrive, is_named: bool) -> Iterator[str]:
-    first, *others = drive.headline
-    yield f"{drive.name}: {first}" if is_named else first
-    yield from others
-    yield from (f"Note: {note}" for note in drive.notes)
-
-
-def _value(figures: Mapping[str, Any], figure: _Figure) -> float | None:
-    found: Any = figures
-    for part in figure.key.split("."):
-        found = found[part]
-    return None if found is None else figure.scale * found
-
-
-def _differences(
-    figures: Sequence[_Figure], drives: Sequence[ReportedDrive]
-) -> Iterator[float | None]:
-    """The second drive minus the first; None where one of them has no value."""
-    for figure in figures:
-        first, second = (_value(each.figures, figure) for each in drives)
-        yield None if first is None or second is None else second - first
-
-
-def _figures_table(
-    title: str, figures: Sequence[_Figure], drives: Sequence[ReportedDrive]
-) -> Table:
-    """A row for each figure; of two drives with the difference."""
-    columns = [[_value(each.figures, figure) for figure in figures] for each in drives]
-    heads = ["" if len(drives) == 1 else each.name for each in drives]
-    if len(drives) == 2:
-        columns.append([*_differences(figures, drives)])
-        heads.append("difference")
-    rows = tuple(
-        (
-            figure.name if figure.unit == "1" else f"{figure.name} / {figure.unit}",
-            *(NO_VALUE if value is None else format_number(value) for value in values),
-        )
-        for figure, *values in zip(figures, *columns, strict=True)
-    )
-    return Table(title, (Column("", is_text=True), *(Column(head) for head in heads)), rows)
-
-
-def _checks_table(drive: ReportedDrive) -> Table:
-    columns = (
-        Column("check", is_text=True),
-        Column("largest value"),
-        Column("threshold"),
-        Column("share", "%"),
-        Column("at", "s"),
-        Column("ticks in a row to act"),
-    )
-    rows = []
-    closest = drive.closest_checks()
-    for share, check in closest[:SHOWN_CHECKS]:
-        at_s = drive.drive["time_s"][int(np.nanargmax(check.values))]
-        name = check.name if check.unit == "1" else f"{check.name} / {check.unit}"
-        rows.append((
-            name,
-            format_number(share * check.threshold),
-            format_number(check.threshold),
-            Cell(f"{100.0 * share:.0f}", status="bad" if share > 1.0 else ""),
-            f"{at_s:.3f}",
-            f"{check.window_ticks}",
-        ))  # fmt: skip
-    return Table(f"Checks of {drive.name}", columns, tuple(rows), _hidden(closest, rows))
-
-
-def _events_part(drive: ReportedDrive) -> Part:
-    """When each fault and each degraded mode began and ended."""
-    if not drive.events:
-        return f"{drive.name}: no fault bit was set, and the plan was never held."
-    columns = (
-        *(Column("from", "s"), Column("until", "s"), Column("ticks")),
-        Column("mode or fault bit", is_text=True, width="short"),
-        Column("why", is_text=True, width="long"),
-    )
-    rows: list[Row] = [
-        (f"{each.begin_s:.3f}", f"{each.end_s:.3f}", f"{each.ticks}", each.name, each.why)
-        for each in drive.events[:SHOWN_EVENTS]
-    ]
-    return Table(f"Faults of {drive.name}", columns, tuple(rows), _hidden(drive.events, rows))
-
-
-def _hidden(found: Sequence[object], rows: Sequence[Row]) -> tuple[str, ...]:
-    hidden = len(found) - len(rows)
-    return (f"and {hidden} more; --json lists all",) if hidden else ()
+    return Page(f"Drive {' and '.join(by_name)}", sections, tuple(introduction))
 
 
 def compared_figures(drives: Sequence[ReportedDrive]) -> dict[str, Any]:
     """The figures of the page for programs, of two drives with the differences."""
-    found: dict[str, Any] = {
-        "drives": [
-            {
-                **each.figures,
-                "headline": each.headline,
-                "notes": each.notes,
-                "events": [event._asdict() for event in each.events],
-                "checks": [
-                    {
-                        "check": check.name,
-                        "largest": share * check.threshold,
-                        "threshold": check.threshold,
-                        "unit": check.unit,
-                    }
-                    for share, check in each.closest_checks()
-                ],
-            }
-            for each in drives
-        ]
-    }
+    found: dict[str, Any] = {"drives": [each.figures for each in drives]}
     if len(drives) == 2:
-        listed = [each._replace(scale=1.0) for each in (*_FIGURES, *_TIMES, *_FRAMES)]
-        keys = (each.key for each in listed)
-        found["differences"] = dict(zip(keys, _differences(listed, drives), strict=True))
+        keys = [key for _, key, _ in (*_FIGURES, *_frames(drives))]
+        keys += (f"{stage}_us.{part}" for stage in _STAGES for part in [*_TIMES][1:])
+        found["differences"] = {key: _values(key, drives)[-1] for key in keys}
     return found
+
+
+def _values(key: str, drives: Sequence[ReportedDrive]) -> list[float | None]:
+    """The figure of each drive; of two also the second minus the first."""
+    values = list[float | None]()
+    for each in drives:
+        found: Any = each.figures
+        for part in key.split("."):
+            found = found[part]
+        values.append(found)
+    if len(values) == 2:
+        first, second = values
+        values.append(None if first is None or second is None else second - first)
+    return values
+
+
+def _figures_table(
+    title: str, figures: Sequence[tuple[str, str, float]], drives: Sequence[ReportedDrive]
+) -> Table:
+    """A row for each figure; of two drives with the difference."""
+    heads = [each.name for each in drives] + ["difference"] if len(drives) == 2 else [""]
+    rows = tuple(
+        (
+            name,
+            *(
+                NO_VALUE if value is None else format_number(scale * value)
+                for value in _values(key, drives)
+            ),
+        )
+        for name, key, scale in figures
+    )
+    return Table(title, (Column("", is_text=True), *map(Column, heads)), rows)
+
+
+def _frames(drives: Sequence[ReportedDrive]) -> list[tuple[str, str, float]]:
+    """Figures of frames that were lost or refused."""
+    counts = drives[0].figures["frames_received"]
+    return [(key.replace("_", " "), f"frames_received.{key}", 1.0) for key in counts]
+
+
+def _times_table(drive: ReportedDrive) -> Part:
+    rows = [{"stage": stage, **drive.figures[f"{stage}_us"]} for stage in _STAGES]
+    return _listed(f"Stages of {drive.name}", rows, _TIMES, len(rows))
+
+
+def _listed(
+    title: str, found: Sequence[Mapping[str, Any]], columns: Mapping[str, Column], most: int
+) -> Part:
+    """A row for each of them, up to so many."""
+    if not found:
+        return f"{title}: none."
+    rows = tuple(
+        tuple(
+            format_number(value, 5) if isinstance(value, float) else str(value)
+            for value in (each[key] for key in columns)
+        )
+        for each in found[:most]
+    )
+    hidden = len(found) - len(rows)
+    notes = (f"and {hidden} more; --json lists all",) if hidden else ()
+    return Table(title, tuple(columns.values()), rows, notes)

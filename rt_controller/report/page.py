@@ -6,13 +6,15 @@ and is a still picture without it.
     page = Page("Acceptance of the car", (
         Section("Braking", ("150 N at the pedal.", table, Plot(figure, "Speed."))),
     ))
-    write_text(file, render_page(page))
+    save_page(page, file, "--html")
 """
 
 import re
+from pathlib import Path
 from typing import Any, NamedTuple
 
-from rt_controller.contract.errors import require_packages
+from rt_controller.contract.errors import OutputError, require_packages
+from rt_controller.contract.files import write_text
 from rt_controller.report.player import Player
 from rt_controller.report.table import Table
 
@@ -78,3 +80,21 @@ def render_page(page: Page) -> str:
     environment.filters["kind"] = lambda part: type(part).__name__
     environment.filters["svg"] = lambda plot: to_svg(plot.figure)
     return environment.get_template("page.html.j2").render(page=page)
+
+
+def save_page(page: Page, file: Path, option: str) -> str:
+    """Write the page; a line with its name and size. `option` is the one that named it.
+
+    Raises:
+        MissingExtraError: the extra `report` is not installed.
+        OutputError: the file can no longer be written.
+    """
+    text = render_page(page)
+    try:
+        write_text(file, text)
+    except OSError as error:
+        raise OutputError(
+            f"{option} {file}: expected room for the page, found {error.strerror}. The run itself "
+            f"is done; only this file is missing. Free some space, or choose another folder."
+        ) from error
+    return f"{file}, {len(text.encode()) / 1e6:.1f} MB"

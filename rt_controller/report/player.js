@@ -1,89 +1,79 @@
 "use strict";
-// Plays the drives of a figure of class "player": moves what player.py has drawn.
+// Draws and plays the drives of a figure of class "player" from the content that player.py gives.
 for (const figure of document.querySelectorAll("figure.player")) {
-  const { drives, whole, scale, place } = JSON.parse(figure.querySelector("script").textContent);
-  const world = figure.querySelector(".world");
-  const shapes = [...figure.querySelectorAll(".drive")].map((drive) => ({
-    trail: drive.querySelector(".trail"),
-    horizon: drive.querySelector(".horizon"),
-    car: drive.querySelector(".car"),
-  }));
-  const [play, speed, slider, view] = ["play", "speed", "time", "view"].map((name) =>
+  const { lines, drives, start_s } = JSON.parse(figure.querySelector("script").textContent);
+  const svg = figure.querySelector("svg"), world = svg.querySelector("g");
+  const { width, height } = svg.viewBox.baseVal;
+  const SCALE = 9, PLACE = [0.3 * width, 0.5 * height]; // pixels per m around the car, its place
+  const [play, speed, slider] = ["play", "speed", "time"].map((name) =>
     figure.querySelector(`[name=${name}]`));
-  const outputs = figure.querySelectorAll("output");
-  const trails = drives.map((drive) => drive.x.map((x, k) => `${x},${drive.y[k]}`));
   // With reduced motion the picture changes twice a second only.
-  const calm = matchMedia("(prefers-reduced-motion: reduce)");
-  let time = Number(slider.value), last = null, shown = 0;
+  const step_s = matchMedia("(prefers-reduced-motion: reduce)").matches ? 0.5 : 0.04;
+  let time = start_s, timer = 0;
 
-  function rowAt(drive, seconds) {
-    let low = 0, high = drive.time_s.length - 1;
-    while (low < high) {
-      const middle = (low + high + 1) >> 1;
-      if (drive.time_s[middle] <= seconds) low = middle; else high = middle - 1;
-    }
-    return low;
+  function add(kind, d = "", color = "") {
+    const path = document.createElementNS(svg.namespaceURI, "path");
+    path.setAttribute("class", kind);
+    path.setAttribute("d", d);
+    path.style.color = color;
+    return world.appendChild(path);
   }
 
-  function horizonOf(drive, row) { // every fourth tick has one
-    for (let k = row; k > row - 4; k -= 1) if (k in drive.horizons) return drive.horizons[k];
-    return "";
+  for (const [kind, d] of Object.entries(lines)) add(kind, d);
+  for (const drive of drives) {
+    drive.trail = add("trail", "", drive.color);
+    drive.horizon = add("horizon");
+    drive.car = add("car", `${drive.outline}Z`, drive.color);
+    drive.line = document.createElement("p");
+    drive.line.className = "note";
+    drive.line.innerHTML = `<b style="color:${drive.color}">■</b> <span></span> <output></output>`;
+    drive.line.querySelector("span").textContent = drive.name;
+    figure.querySelector(".controls").before(drive.line);
   }
+  slider.max = Math.max(...drives.map((drive) => drive.time_s.at(-1)));
 
-  function text(number, digits, unit) {
-    return number === null ? `– ${unit}` : `${number.toFixed(digits)} ${unit}`;
+  function rowAt(drive) {
+    const after = drive.time_s.findIndex((seconds) => seconds > time);
+    return after < 0 ? drive.time_s.length - 1 : Math.max(after - 1, 0);
   }
 
   function show() {
     slider.value = time;
     slider.setAttribute("aria-valuetext", `${time.toFixed(2)} s`);
-    drives.forEach((drive, i) => {
-      const row = rowAt(drive, time), x = drive.x[row], y = drive.y[row];
-      const { trail, horizon, car } = shapes[i];
-      trail.setAttribute("points", trails[i].slice(0, row + 1).join(" "));
-      horizon.setAttribute("points", horizonOf(drive, row));
-      car.setAttribute("transform", `translate(${x} ${y}) rotate(${drive.yaw_deg[row]})`);
-      if (i === 0) {
-        world.setAttribute("transform", view.checked ? whole :
-          `translate(${place.join(" ")}) scale(${scale} ${-scale}) ` +
-          `rotate(${-drive.road_deg[row]}) translate(${-x} ${-y})`);
-      }
-      outputs[i].textContent = [
-        text(drive.time_s[row], 2, "s"),
-        text(drive.speed_kmh[row], 0, "km/h"),
-        `lateral error ${text(drive.error_mm[row], 0, "mm")}`,
-        `steering wheel ${text(drive.wheel_deg[row], 1, "deg")}`,
-        drive.mode[row],
-      ].join("  ·  ");
-    });
-  }
-
-  function setPlaying(isPlaying) {
-    last = null;
-    play.textContent = isPlaying ? "Pause" : "Play";
-    if (isPlaying) requestAnimationFrame(advance);
-  }
-
-  function advance(now) {
-    if (play.textContent !== "Pause") return;
-    time = Math.min(time + (last === null ? 0 : (now - last) / 1000 * Number(speed.value)),
-      Number(slider.max));
-    last = now;
-    const isOver = time >= Number(slider.max);
-    if (isOver || !calm.matches || now - shown >= 500) {
-      shown = now;
-      show();
+    for (const drive of drives) {
+      const row = rowAt(drive);
+      const planned = [0, 1, 2, 3].map((ago) => row - ago).find((k) => k in drive.horizons);
+      const way = drive.x.slice(0, row + 1).map((x, k) => `${x},${drive.y[k]}`);
+      drive.trail.setAttribute("d", `M${way.join("L")}`);
+      drive.horizon.setAttribute("d", drive.horizons[planned] ?? "");
+      drive.car.setAttribute("transform",
+        `translate(${drive.x[row]} ${drive.y[row]}) rotate(${drive.yaw_deg[row]})`);
+      drive.line.querySelector("output").textContent = drive.text[row];
     }
-    if (isOver) setPlaying(false); else requestAnimationFrame(advance);
+    const [car] = drives, row = rowAt(car); // its road points to the right
+    world.setAttribute("transform", `translate(${PLACE.join(" ")}) scale(${SCALE} ${-SCALE}) ` +
+      `rotate(${-car.road_deg[row]}) translate(${-car.x[row]} ${-car.y[row]})`);
+  }
+
+  function pause() {
+    clearInterval(timer);
+    timer = 0;
+    play.textContent = "Play";
+  }
+
+  function advance() {
+    time = Math.min(time + step_s * Number(speed.value), Number(slider.max));
+    show();
+    if (time >= Number(slider.max)) pause();
   }
 
   play.addEventListener("click", () => {
-    const isPlaying = play.textContent === "Play";
-    if (isPlaying && time >= Number(slider.max)) time = 0;
-    setPlaying(isPlaying);
+    if (timer) return pause();
+    if (time >= Number(slider.max)) time = 0;
+    timer = setInterval(advance, 1000 * step_s);
+    play.textContent = "Pause";
   });
   slider.addEventListener("input", () => { time = Number(slider.value); show(); });
-  view.addEventListener("change", show);
-  figure.querySelector(".controls").hidden = false;
+  figure.hidden = false;
   show();
 }

@@ -7,12 +7,10 @@ from typing import TYPE_CHECKING, Any
 from rich.console import Console
 
 from rt_controller.comparison import ComparedDrive, Comparison, compare
-from rt_controller.contract.errors import OutputError
 from rt_controller.contract.figures import require_writable, write_figures
-from rt_controller.contract.files import write_text
 from rt_controller.report.comparison_page import comparison_page, comparison_table, headline
 from rt_controller.report.drive_figure import require_figure_file, write_figure
-from rt_controller.report.page import render_page, require_report_extra
+from rt_controller.report.page import require_report_extra, save_page
 from rt_controller.report.table import print_table
 from rt_controller.settings import CarSettings
 from rt_controller.terminal.progress import show
@@ -68,8 +66,7 @@ def compare_at_terminal(
     if html is not None:
         drives = {name: comparison.first_drives(name) for name in comparison.scenarios}
         page = comparison_page(compared, seeds, drives, _conditions(car))
-        _write_page(html, render_page(page))
-        show(f"{html}", is_quiet)
+        show(save_page(page, html, "--html"), is_quiet)
     return 0
 
 
@@ -83,13 +80,3 @@ def _conditions(car: CarSettings) -> str:
     chosen = car.model_dump(mode="json", exclude_defaults=True, exclude={"scenario"})
     listed = ", ".join(f"{name.replace('_', ' ')} {value}" for name, value in chosen.items())
     return f"Drives in simulated time with {listed or 'the default car'}."
-
-
-def _write_page(path: Path, text: str) -> None:
-    try:
-        write_text(path, text)
-    except OSError as error:
-        raise OutputError(
-            f"--html {path}: expected room for the page, found {error.strerror}. Free some space; "
-            f"with --results the drives are kept."
-        ) from error

@@ -1,24 +1,23 @@
 """`rt-controller report LOG`: a page about a whole recorded drive, or about two side by side."""
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import asdict, replace
-from itertools import groupby
 from math import isnan, nan
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from rich.console import Console
 from threadpoolctl import threadpool_limits
 
 from rt_controller.bus.messages import STATE
-from rt_controller.contract.errors import ConfigError, OutputError
+from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.faults import FAULT_SENTENCES, Fault
 from rt_controller.contract.figures import require_writable, write_figures
-from rt_controller.contract.files import write_text
-from rt_controller.contract.signals import Mode
+from rt_controller.contract.signals import InputColumn, Mode
 from rt_controller.contract.timing import PERIOD_S
-from rt_controller.drive.table import PredictedPath
+from rt_controller.drive.table import Drive, PredictedPath
 from rt_controller.drive.trace import DriveTrace
 from rt_controller.loop import EndConditions, Ending, RunRecord
 from rt_controller.realtime.timing import DeadlineAccount, LateCause, TickTimes
@@ -29,14 +28,9 @@ from rt_controller.recording.replay import (
     differences,
     read_recorded_drive,
 )
-from rt_controller.report.drive_page import (
-    CheckedQuantity,
-    Event,
-    ReportedDrive,
-    compared_figures,
-    drive_page,
-)
-from rt_controller.report.page import render_page, require_report_extra
+from rt_controller.report.drive_page import ReportedDrive, compared_figures, drive_page
+from rt_controller.report.overlay import Curve, curves_of
+from rt_controller.report.page import require_report_extra, save_page
 from rt_controller.safety.tick import Tick
 from rt_controller.simulation import predicted_path
 from rt_controller.terminal.progress import announce
@@ -75,18 +69,13 @@ def report_at_terminal(
             with closing(Replay(recorded, model)) as replay:
                 drives.append(_Account(recorded, replay).reported())
     with announce("drawing", is_quiet):
-        text = render_page(drive_page(drives))
-    try:
-        write_text(page_file, text)
-    except OSError as error:
-        raise OutputError(
-            f"--output {page_file}: expected room for the page, found {error.strerror}. Free some "
-            f"space, or choose another folder."
-        ) from error
+        written = save_page(drive_page(drives), page_file, "--output")
     for drive in drives:
         named = f"{drive.name}: " if len(drives) > 1 else ""
-        Console().print(named + drive.headline[0], highlight=False, markup=False, soft_wrap=True)
-    print(f"{page_file}, {len(text.encode()) / 1e6:.1f} MB")
+        Console().print(
+            named + drive.figures["headline"][0], highlight=False, markup=False, soft_wrap=True
+        )
+    print(written)
     write_figures(json_file, compared_figures(drives))
     return 0
 
@@ -135,30 +124,25 @@ class _Account:
         drive = record.trace.drive(header.model["name"], record.ending.value)
         places = drive["s_m"]
         horizons = (each._replace(s_m=each.s_m + places[each.tick]) for each in self._horizons)
-        times_us = record.deadlines.last().T
-        return ReportedDrive(
-            name=path.name,
-            drive=replace(drive, stop_tick=record.stop_tick, horizons=tuple(horizons)),
-            headline=tuple(self._headline()),
-            notes=tuple(notes),
-            events=tuple(_events(self._ticks, drive["time_s"].tolist())),
-            upper=np.array([tick.limits.upper for tick in self._ticks]),
-            rates_per_s=np.array([tick.limits.rate_per_s for tick in self._ticks]),
-            checks=tuple(self._checks()),
-            times_us=dict(zip(TickTimes._fields, times_us, strict=True)),
-            state_age_ms=np.array(self._ages_ms),
-            figures={
-                "log": str(path),
-                "model": header.model,
-                "recorded_with": header.packages,
-                "ticks_with_other_command": self._differing,
-                **record_to_json(record),
-                "stop_checks": [each._asdict() for each in self._failed],
-                "log_frames_dropped": self._recorded.driven[-1].dropped,
-                "state_age_ms": _quantiles(self._ages_ms),
-                "frames_received": asdict(self._replay.node.inbox.counts),
-            },
-        )
+        drive = replace(drive, stop_tick=record.stop_tick, horizons=tuple(horizons))
+        curves, times_s = self._curves(drive), drive["time_s"].tolist()
+        checks = self._checks(curves, times_s)
+        figures = {
+            "log": str(path),
+            "model": header.model,
+            "recorded_with": header.packages,
+            "ticks_with_other_command": self._differing,
+            **record_to_json(record),
+            "stop_checks": [each._asdict() for each in self._failed],
+            "log_frames_dropped": self._recorded.driven[-1].dropped,
+            "state_age_ms": _quantiles(self._ages_ms),
+            "frames_received": asdict(self._replay.node.inbox.counts),
+            "headline": list(self._headline()),
+            "notes": notes,
+            "events": _events(self._ticks, times_s),
+            "checks": sorted(checks, key=lambda each: -each["share_percent"]),
+        }
+        return ReportedDrive(path.name, drive, curves, figures)
 
     def _add(self, tick: ReplayedTick) -> None:
         then, node, record = tick.recorded, self._replay.node, self._record
@@ -215,13 +199,46 @@ class _Account:
                 f"with more room."
             )
 
-    def _checks(self) -> Iterator[CheckedQuantity]:
-        driven = [tick.mode is not Mode.STANDBY for tick in self._ticks]
-        values = np.where(np.array(driven)[:, None], np.array(self._values), nan)
+    def _curves(self, drive: Drive) -> dict[str, Curve]:
+        """Those of each drive with their bounds, the time of the step, and those of the checks."""
+        is_driven = (drive["mode"] != Mode.STANDBY)[:, None]
+        rows = zip(*((t.limits.upper, t.limits.rate_per_s) for t in self._ticks), strict=True)
+        upper, rates = (np.where(is_driven, np.array(each), nan) for each in rows)
+        values = np.where(is_driven, np.array(self._values), nan)
+        step_us = self._record.deadlines.last()[:, TickTimes._fields.index("step_us")]
+        curves = {**curves_of(drive), "step": Curve("us", step_us)}
         for check in self._replay.node.supervisor.checks:
-            name, unit = check.name, check.quantity.unit
-            of_check = values[:, check.quantity]
-            yield CheckedQuantity(name, unit, check.threshold, check.window_ticks, of_check)
+            quantity, threshold = check.quantity, np.full(len(drive), check.threshold)
+            curve = Curve(quantity.unit, values[:, quantity], bound=threshold)
+            curves[f"check: {check.name}"] = curve
+        for name, bound in (
+            ("lateral error", curves["check: tracking"].bound),
+            ("steering wheel", np.degrees(upper[:, InputColumn.steer_rad])),
+            ("wheel rate", np.degrees(rates[:, InputColumn.steer_rad])),
+            ("throttle", upper[:, InputColumn.throttle]),
+            ("brake", upper[:, InputColumn.brake_n]),
+        ):
+            curves[name] = curves[name]._replace(bound=bound)
+        return curves
+
+    def _checks(
+        self, curves: Mapping[str, Curve], times_s: Sequence[float]
+    ) -> Iterator[dict[str, Any]]:
+        """The largest value of each check that compared something."""
+        for check in self._replay.node.supervisor.checks:
+            values = curves[f"check: {check.name}"].values
+            if np.isnan(values).all():
+                continue
+            at = int(np.nanargmax(values))
+            yield {
+                "check": check.name,
+                "largest": float(values[at]),
+                "threshold": check.threshold,
+                "unit": check.quantity.unit,
+                "share_percent": round(100.0 * float(values[at]) / check.threshold),
+                "at_s": times_s[at],
+                "window_ticks": check.window_ticks,
+            }
 
 
 def _quantiles(ages_ms: Sequence[float]) -> dict[str, float | None]:
@@ -231,22 +248,22 @@ def _quantiles(ages_ms: Sequence[float]) -> dict[str, float | None]:
     return {"p50": float(np.median(known)), "max": max(known)}
 
 
-def _events(ticks: Sequence[Tick], times_s: Sequence[float]) -> list[Event]:
+def _events(ticks: Sequence[Tick], times_s: Sequence[float]) -> list[dict[str, Any]]:
     """When the plan was held, the car was stopped, and each bit of the heartbeat was set."""
-    found = list[Event]()
-
-    def add(name: str, why: str, is_set: Iterable[bool]) -> None:
-        first = 0
-        for value, group in groupby(is_set):
-            n_ticks = len(list(group))
-            if value:
-                until_s = times_s[first + n_ticks - 1] + PERIOD_S
-                found.append(Event(name, why, times_s[first], until_s, n_ticks))
-            first += n_ticks
-
-    degraded = [(t.mode, t.cause) for t in ticks if t.mode in (Mode.HOLD_PLAN, Mode.SAFE_STOP)]
-    for mode, cause in dict.fromkeys(degraded):
-        add(mode.name, cause.value, ((t.mode, t.cause) == (mode, cause) for t in ticks))
-    for fault, sentence in FAULT_SENTENCES.items():
-        add(f"{fault.name}", sentence, (fault in t.faults for t in ticks))
-    return sorted(found, key=lambda event: event.begin_s)
+    found, lasting = list[dict[str, Any]](), dict[tuple[str, str], dict[str, Any]]()
+    for tick, begin_s in zip(ticks, times_s, strict=True):
+        now = [
+            (f"{fault.name}", why) for fault, why in FAULT_SENTENCES.items() if fault in tick.faults
+        ]
+        if tick.mode in (Mode.HOLD_PLAN, Mode.SAFE_STOP):
+            now.insert(0, (tick.mode.name, tick.cause.value))
+        new = {
+            key: {"name": key[0], "why": key[1], "begin_s": begin_s, "ticks": 0}
+            for key in now
+            if key not in lasting
+        }
+        found += new.values()
+        lasting = {key: lasting.get(key) or new[key] for key in now}
+        for event in lasting.values():
+            event |= {"end_s": begin_s + PERIOD_S, "ticks": event["ticks"] + 1}
+    return found

@@ -61,5 +61,6 @@ def test_predictions_begin_after_the_delay_on_the_way_that_the_car_then_drives(b
 def test_the_outline_has_the_size_of_the_body(bend):
     front, rear = bend.body.front_m, bend.body.rear_m
     x_m, y_m = corners(plan_view(bend).car, 100, bend.body)
-    sides = np.hypot(np.diff(x_m), np.diff(y_m))
-    assert sides == pytest.approx([front + rear, bend.body.width_m, front + rear])
+    ahead_m = np.hypot(x_m[2] - 0.5 * (x_m[0] + x_m[4]), y_m[2] - 0.5 * (y_m[0] + y_m[4]))
+    assert ahead_m == pytest.approx(front + rear)
+    assert np.hypot(x_m[4] - x_m[0], y_m[4] - y_m[0]) == pytest.approx(bend.body.width_m)

@@ -122,7 +122,8 @@ def test_drives_are_laid_over_each_other_by_name(drive):
     from rt_controller.report.overlay import overlay
 
     figure = overlay({"first": drive, "second": drive})
-    assert [text.get_text() for text in figure.legends[0].get_texts()][-2:] == ["first", "second"]
+    names = [text.get_text() for text in figure.axes[0].get_legend().get_texts()]
+    assert names[-2:] == ["first", "second"]
     assert [len(axes.lines) for axes in figure.axes[1:]] == [2, 2, 2]
 
 
