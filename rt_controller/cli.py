@@ -29,8 +29,8 @@ app = new_app(
     "incomplete, 130 ended at once by a third Ctrl-C, or by one while it was loading.",
     "--bus NAME",
     {
-        "Main options": "bus channel scenario car model controller duration-s record plot json "
-        "config",
+        "Main options": "bus channel scenario car model controller duration-s record seeds results html "
+        "plot json config",
         "Bus": "bitrate bus-option wait-s stay check",
         "Simulated car (--bus virtual)": "plant plant-mapping friction friction-right "
         "transport-delay actuation-delay faults pace",
@@ -237,8 +237,8 @@ def compare(
 ) -> int:
     """Drive the same scenarios with several controllers, in simulated time, on all cores.
 
-    One table says which drives best: lateral error, speed error, rate of the steering wheel, jerk
-    and time of a step. Needs the extra compare.
+    One table has lateral error, speed error, rate of the wheel, jerk and time of a step.
+    Needs the extra compare.
 
     Parameters
     ----------

@@ -77,9 +77,9 @@ def table_2(folder: Path) -> Element:
         "Table II",
         f"Errors of open-loop predictions over 80 steps, here on {len(test.trajectories.x):,} "
         f"trajectories with wheel angles up to {LARGEST_STEER_DEG:g} deg, as in the paper, in "
-        "another car: errors are not comparable, ratios only in kind. mdk-net and mdk-net-paper were trained with larger "
-        f"angles, {TRAINED_HERE} with these. The printed error of "
-        "the LTI model in v_x, 83 km/h, is more than the full brake could cause in 2 s.",
+        "another car: errors are not comparable, ratios only in kind. mdk-net and "
+        f"mdk-net-paper were trained with larger angles, {TRAINED_HERE} with these. The printed "
+        "error of the LTI model in v_x, 83 km/h, is more than the full brake could cause in 2 s.",
         {
             f"MSE of {name}, geometric mean": mean if "here" in mean else {"here": mean}
             for name, mean in means.items()

@@ -34,13 +34,13 @@ COLUMNS = (
     FigureColumn("ey_peak_m", "peak", "mm", 1e3),
     FigureColumn("speed_rms_mps", "speed", "km/h", 3.6),
     FigureColumn("wheel_rate_rms_degps", "wheel", "deg/s"),
-    FigureColumn("lateral_jerk_rms_mps3", "jerk aside", "m/s³"),
-    FigureColumn("jerk_rms_mps3", "jerk along", "m/s³"),
+    FigureColumn("lateral_jerk_rms_mps3", "aside", "m/s³"),
+    FigureColumn("jerk_rms_mps3", "along", "m/s³"),
     FigureColumn("step_p50_us", "step", "ms", 1e-3),
 )
 NOTES = (
-    "error: lateral error of the car itself; speed: its error; wheel: rate of the steering wheel; "
-    "jerk: rate of change of the acceleration; these are RMS values. step: median time of the "
+    "RMS values: error, lateral, of the car itself; speed, its error; wheel, rate of the steering "
+    "wheel; aside and along, jerk of the car in these directions. step: median time of the "
     "processor from frames in to frames out.",
     "Below 8 m/s the law of low speeds drives with all of them.",
 )

@@ -60,7 +60,7 @@ SCALE = Errors(1.0, 0.5, 5.0)
 """each of which alone takes the whole reward of a step"""
 
 
-class Observation(NamedTuple):
+class ObservedValues(NamedTuple):
     """What an agent sees; the fields are the order of the array.
 
     Curvatures are those of the wanted path, 0 to 4 spacings ahead of the car along the road,
@@ -232,7 +232,7 @@ class CarEnv(gymnasium.Env[Floats, Floats]):
         motion = state.vx_mps, state.vy_mps, state.yaw_rate_radps
         wanted = path.v_mps, path.a_mps2, spacing_m
         inputs = *self._commanded, *self._before
-        seen = Observation._make((*motion, *self._errors()[:2], *wanted, *path_per_m, *inputs))
+        seen = ObservedValues._make((*motion, *self._errors()[:2], *wanted, *path_per_m, *inputs))
         return np.clip(np.array(seen, dtype=np.float32), -_HIGHEST, _HIGHEST)
 
     def _info(self) -> dict[str, Any]:

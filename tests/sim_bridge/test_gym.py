@@ -19,7 +19,7 @@ gymnasium = pytest.importorskip("gymnasium")
 
 from gymnasium.utils.env_checker import check_env  # noqa: E402
 
-from sim_bridge.adapters.gym import CarEnv, Observation  # noqa: E402
+from sim_bridge.adapters.gym import CarEnv, ObservedValues  # noqa: E402
 
 FAULTY = {
     "format": 2,
@@ -65,7 +65,7 @@ def test_environments_step_as_a_vector(mode: str) -> None:
     seen, _ = envs.reset(seed=1)
     after, rewards, *_, info = envs.step(np.zeros((2, 2), np.float32))
     envs.close()
-    assert seen.shape == after.shape == (2, len(Observation._fields))
+    assert seen.shape == after.shape == (2, len(ObservedValues._fields))
     assert rewards.shape == info["ey_error_m"].shape == (2,)
 
 

@@ -1,6 +1,7 @@
 """What a command shows while it runs."""
 
 import json
+import sys
 from collections.abc import Callable
 from itertools import count
 from math import inf
@@ -112,7 +113,8 @@ def test_a_quiet_command_shows_neither_lines_nor_messages(capsys):
 
 
 def test_a_live_line_fits_into_the_terminal_and_replaces_all_that_stood_there(capsys, monkeypatch):
-    for name, value in {"FORCE_COLOR": "1", "TERM": "xterm", "COLUMNS": "40"}.items():
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
+    for name, value in {"TERM": "xterm", "COLUMNS": "40"}.items():
         monkeypatch.setenv(name, value)
     calls = Semaphore(0)
 
