@@ -62,11 +62,8 @@ def fit(
     """
     require_packages("offline", ("torch",), "offline-fit")
     for file, option in ((json_file, "--json"), (fitted, "FITTED"), (plot, "--plot")):
-        require_writable(file, option)
-    if fitted.suffix != ".toml":
-        raise ConfigError(
-            f"FITTED: expected a car file that ends in .toml, found {fitted}. Name another one."
-        )
+        suffix = ".toml" if file is fitted else ""
+        require_writable(file, option, suffix=suffix, inputs=(car,))
     if plot is not None:
         from rt_controller.report.drive_figure import require_figure_file
 
