@@ -1,7 +1,6 @@
 """The data set of a command: loaded from its folder, or made now with a progress bar."""
 
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -45,8 +44,9 @@ def find_or_make(
         return folder, load_dataset(folder)
     STDERR.print(f"making a data set of {episodes} episodes in {folder}", soft_wrap=True)
     with stop_on_signals(interrupt), progress_bar("simulating", episodes) as show:
-        show_done = partial(show, text="")
-        return folder, make_dataset(folder, origin, backend=backend, on_progress=show_done)
+        return folder, make_dataset(
+            folder, origin, backend=backend, on_progress=lambda done: show(done, "")
+        )
 
 
 def require_origin(

@@ -67,7 +67,7 @@ def fit(
     if plot is not None:
         from rt_controller.report.drive_figure import require_figure_file
 
-        require_figure_file(plot)
+        require_figure_file(plot, moves=False)
     from offline.data.dataset import load_dataset
     from offline.evaluation.car_fit import drives_of, fit_car, judge
     from offline.evaluation.car_parameters import fitted_of, with_stated

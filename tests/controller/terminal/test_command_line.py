@@ -88,10 +88,31 @@ def test_what_does_not_fit_is_refused_before_the_drive_with_what_was_expected(
     assert not list(tmp_path.glob("drive*"))
 
 
-def test_a_missing_network_interface_is_named(run):
-    code, message = run("--bus", "socketcan", "--channel", "vcan77")
+def test_a_missing_network_interface_is_named_before_the_model_is_loaded(run, tmp_path):
+    code, message = run("--bus", "socketcan", "--channel", "vcan77", "--model", tmp_path)
     assert code == 5
     assert "vcan77" in message
+
+
+@pytest.mark.parametrize(
+    ("arguments", "environment", "expected"),
+    [
+        ("--bus", {}, "rt-controller: --bus: expected"),
+        ("--bus", {"FORCE_COLOR": "1"}, "\x1b[31mrt-controller: --bus: expected"),
+        ("--bus", {"FORCE_COLOR": "1", "NO_COLOR": "1"}, "rt-controller: --bus: expected"),
+        ("--bus", {"FORCE_COLOR": "1", "TERM": "dumb"}, "rt-controller: --bus: expected"),
+        ("--bus virtual --check --model lti", {}, "loading the model, assembling the QP\n"),
+    ],
+)
+def test_stderr_begins_with_a_message_of_the_program(arguments, environment, expected):
+    """In colour only where that is wanted; python-can says nothing of its own."""
+    colours = ("FORCE_COLOR", "NO_COLOR", "TERM")
+    inherited = {name: value for name, value in os.environ.items() if name not in colours}
+    command = [sys.executable, "-m", "rt_controller", *arguments.split()]
+    done = subprocess.run(
+        command, env={**inherited, **environment}, capture_output=True, text=True, check=False
+    )
+    assert done.stderr.startswith(expected)
 
 
 class NoCar:
