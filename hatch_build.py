@@ -1,5 +1,7 @@
 """Build hook: compiles the simulated car when the package is installed or its wheel is built.
 
+The wheel and the source distribution also get the git revision, which `--version` shows.
+
 Where no C compiler is installed, the build fetches one as a package. Where that fails too, the
 package is built without the car: the controller needs no compiler.
 """
@@ -20,6 +22,8 @@ class CompiledCar(BuildHookInterface[Any]):
 
     def dependencies(self) -> list[str]:
         """Packages that the build needs beside its own."""
+        if self.target_name == "sdist":
+            return []
         compiler = self._compiler()
         try:
             compiler["find_compiler"]()
@@ -30,6 +34,10 @@ class CompiledCar(BuildHookInterface[Any]):
     def initialize(self, version: str, build_data: dict[str, Any]) -> None:
         """Compile; the wheel is one of this platform, for every version of Python."""
         compiler = self._compiler()
+        if version != "editable":
+            self._include_revision(compiler["BUILT"], build_data)
+        if self.target_name == "sdist":
+            return
         try:
             library: Path = compiler["compile_car"](compiler["BUILT"])
         except (compiler["CompileError"], OSError) as error:
@@ -40,13 +48,18 @@ class CompiledCar(BuildHookInterface[Any]):
             build_data["tag"] = f"py3-none-{platform}"
             build_data["pure_python"] = False
             build_data["force_include"][str(library)] = str(library.relative_to(self.root))
-            self._include_revision(library.parent, build_data)
 
     def _include_revision(self, folder: Path, build_data: dict[str, Any]) -> None:
-        """Put the revision into the wheel; `folder` is not under version control."""
+        """Put the revision into the package; `folder` is not under version control.
+
+        A source distribution has the file already.
+        """
         contract = Path("rt_controller", "contract")
         module = runpy.run_path(str(Path(self.root) / contract / "revision.py"))
         file = folder / module["REVISION_FILE"]
+        if (Path(self.root) / contract / file.name).exists():
+            return
+        folder.mkdir(exist_ok=True)
         file.write_text(module["source_revision"](), "ascii")
         build_data["force_include"][str(file)] = str(contract / file.name)
 

@@ -8,7 +8,6 @@ driven again without checks: if the car leaves its path there too, it has too li
 stop is right; else the alarm is a false one.
 """
 
-import warnings
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass
@@ -121,9 +120,7 @@ def main(
         found.append(each)
         driven_h += each.driven_s / 3600.0
         print(f"{driven_h:.3f} h {each.condition} {each.failed_checks}", flush=True)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", UserWarning)  # of joblib, that drives were cancelled
-        results.close()
+    results.close()
     if not found:
         return
     figures = figures_of(found)

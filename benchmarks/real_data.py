@@ -15,7 +15,7 @@ from offline.config import TrainingConfig
 from offline.data.dataset import exists
 from offline.evaluation.tables import ratio_table, rms_table
 from rt_controller.contract.errors import ConfigError
-from rt_controller.contract.figures import require_writable, write_figures
+from rt_controller.contract.figures import require_folder, require_writable, write_figures
 from rt_controller.report.table import to_markdown
 from rt_controller.terminal.command_line import run_command
 from sim_bridge.campaign import THIS_MACHINE
@@ -73,6 +73,7 @@ def main(
         json: file for all figures.
     """
     require_writable(json)
+    require_folder(folder, "FOLDER")
     if gti is None and av21 is None:
         raise ConfigError("expected logs, found none. Name them with --gti or --av21.")
     figures = {}

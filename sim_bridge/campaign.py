@@ -8,11 +8,13 @@ import json
 import os
 import signal
 import threading
+import warnings
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 from hashlib import sha256
+from multiprocessing import resource_tracker
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -134,6 +136,8 @@ def run_campaign(
     """
     import joblib
 
+    # That tasks were cancelled is what a caller wants that stops, or Ctrl-C.
+    warnings.filterwarnings("ignore", ".*have been cancelled", UserWarning)
     common = digest(made_with)
     earlier = _read_results(file, common)
     yield from earlier.items()
@@ -146,7 +150,7 @@ def run_campaign(
     order = "generator" if in_order else "generator_unordered"
     try:
         with backend.active():
-            with _ctrl_c_ignored():
+            with _ctrl_c_deferred():
                 results_of_workers = joblib.Parallel(batch_size=1, return_as=order)(calls)
             for key, result in results_of_workers:
                 if file is not None:
@@ -162,19 +166,30 @@ def run_campaign(
 
 
 @contextmanager
-def _ctrl_c_ignored() -> Iterator[None]:
-    """Processes that are started within it ignore Ctrl-C: this one ends them.
+def _ctrl_c_deferred() -> Iterator[None]:
+    """Ctrl-C waits for its end, and the processes that are started within it never receive it.
 
-    A terminal sends it to all of them. A blocked signal would do too, but loky unblocks it.
+    A terminal sends Ctrl-C to all processes; this one ends the others.
     """
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    from joblib.externals.loky.backend import resource_tracker as loky_tracker
+
+    # Started first: the start of a tracker unblocks Ctrl-C.
+    resource_tracker.ensure_running()
+    loky_tracker.ensure_running()
+    received = list[int]()
+    mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # others inherit it
+    # Another thread of this process may still receive it.
+    before = signal.signal(signal.SIGINT, lambda number, _: received.append(number))
     try:
         yield
     finally:
         signal.signal(signal.SIGINT, before)
+        signal.pthread_sigmask(signal.SIG_SETMASK, mask)
+        if received:
+            signal.raise_signal(signal.SIGINT)
 
 
 def _run(function: Callable[..., Any], key: str, arguments: tuple[Any, ...]) -> tuple[str, Any]:

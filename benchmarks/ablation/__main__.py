@@ -26,7 +26,7 @@ from offline.commands.options import RUNS, Config, DataFolder
 from offline.commands.terminal import STDERR, STDOUT, progress_bar
 from offline.config import explicit_fields
 from rt_controller.contract.errors import ConfigError
-from rt_controller.contract.figures import require_writable, write_figures
+from rt_controller.contract.figures import require_folder, require_writable, write_figures
 from rt_controller.report.table import NO_VALUE, Column, Table, format_number, to_markdown
 from rt_controller.terminal.command_line import run_command
 from sim_bridge.campaign import THIS_MACHINE, Backend, digest, run_campaign
@@ -82,13 +82,8 @@ def main(
     # There are as many trainings as cores: a second thread would wait for another training.
     title, chosen = read_variants(variants, lists, {"threads": 1, **common}, only)
     folder = (folder or RUNS / f"ablation-{variants}").resolve()
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise ConfigError(
-            f"--folder {folder}: expected a folder that can be made, found: {error.strerror}. "
-            f"Choose another one."
-        ) from error
+    require_folder(folder, "--folder")
+    folder.mkdir(parents=True, exist_ok=True)
     data_folder, dataset = ensure_dataset(data, chosen[0].config, backend)
     of_data = config_of_data(data_folder, dataset.origin, chosen[0].config, config)
     with STDERR.status("fair linear model"):

@@ -12,8 +12,7 @@ from benchmarks.figures.results import hashes_of
 from benchmarks.figures.tables import rows_table
 from benchmarks.paper import closed_loop, prediction, training
 from benchmarks.paper.elements import Element, Figures
-from rt_controller.contract.errors import ConfigError
-from rt_controller.contract.figures import require_writable, write_figures
+from rt_controller.contract.figures import require_folder, require_writable, write_figures
 from rt_controller.contract.files import write_text
 from rt_controller.contract.revision import source_revision
 from rt_controller.report.canvas import to_svg
@@ -57,13 +56,8 @@ def main(
     """
     require_report_extra("The page")
     require_writable(json)
-    try:
-        output.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise ConfigError(
-            f"--output {output}: expected a folder that can be made, found {error.strerror}. Name "
-            f"another one."
-        ) from error
+    require_folder(output, "--output")
+    output.mkdir(parents=True, exist_ok=True)
     found, wall_s = dict[Name, Element](), dict[str, float]()
     console = Console(stderr=True)
     for name in only or MEASURES:

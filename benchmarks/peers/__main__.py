@@ -55,7 +55,7 @@ def main(
     require_writable(json)
     if plot is not None:
         require_writable(plot, "--plot")
-        require_figure_file(plot)
+        require_figure_file(plot, moves=False)
     console = Console()
     entries, missing = find_solvers(only)
     if missing:

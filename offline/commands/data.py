@@ -11,7 +11,7 @@ from offline.commands.terminal import STDOUT
 from offline.config import PRESETS
 from offline.data.variation import RecipeName, Variation, choose_variation, describe
 from rt_controller.contract.errors import ConfigError
-from rt_controller.contract.figures import write_figures
+from rt_controller.contract.figures import require_folder, write_figures
 from rt_controller.terminal.command_line import new_app, run_command
 from sim_bridge.campaign import THIS_MACHINE, Backend
 
@@ -69,6 +69,7 @@ def make_data(
         )
     variation = choose_variation(recipe, ranges)
     require_ready(json_file)
+    require_folder(data, "--data")
     from offline.commands.dataset import find_or_make, require_origin
     from offline.data.recipe import Recipe
 

@@ -11,6 +11,7 @@ from offline.data.generate import make_dataset, simulated_origin
 from offline.data.manifest import Imported, Origin, Simulated
 from offline.data.recipe import Recipe
 from rt_controller.contract.errors import DatasetError
+from rt_controller.terminal.entry import interrupt
 from sim_bridge.campaign import Backend
 
 
@@ -42,14 +43,10 @@ def find_or_make(
     if exists(folder):
         return folder, load_dataset(folder)
     STDERR.print(f"making a data set of {episodes} episodes in {folder}", soft_wrap=True)
-    with stop_on_signals() as is_stopped, progress_bar("simulating", episodes) as show:
-
-        def on_progress(done: int) -> None:
-            show(done, "")
-            if is_stopped():
-                raise KeyboardInterrupt
-
-        return folder, make_dataset(folder, origin, backend=backend, on_progress=on_progress)
+    with stop_on_signals(interrupt), progress_bar("simulating", episodes) as show:
+        return folder, make_dataset(
+            folder, origin, backend=backend, on_progress=lambda done: show(done, "")
+        )
 
 
 def require_origin(

@@ -80,7 +80,7 @@ def evaluate(
         from rt_controller.report.page import require_report_extra
 
         require_report_extra("--html")
-        require_writable(html, "--html")
+        require_writable(html, "--html", suffix=".html")
     from offline.evaluation import tables
     from rt_controller.report.table import print_table
 

@@ -1,6 +1,5 @@
 """`offline-export`: check a model, compare it with baselines, write the bundle."""
 
-import os
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
@@ -11,7 +10,7 @@ from offline.commands.options import LATEST_RUN, RUNS, JsonFile, require_ready
 from offline.commands.terminal import STDERR, STDOUT, print_plain, quoted
 from offline.config import PAST_STEPS
 from rt_controller.contract.errors import ArtifactError, ConfigError, RtControllerError
-from rt_controller.contract.figures import require_writable, write_figures
+from rt_controller.contract.figures import require_folder, require_writable, write_figures
 from rt_controller.terminal.command_line import new_app, run_command
 
 if TYPE_CHECKING:
@@ -51,7 +50,7 @@ def export(
             and refuse one that does not hold or predict it; off: export any model
     """
     is_tried = model_trial == "auto"
-    _require_folder(output)
+    require_folder(output, "--output")
     if bundle is not None:
         if baseline is not None or data is not None or run != LATEST_RUN:
             raise ConfigError(
@@ -69,18 +68,6 @@ def export(
         else:
             figures = export_run(run, output, data, is_tried, name)
     write_figures(json_file, figures)
-
-
-def _require_folder(output: Path | None) -> None:
-    """Return if a folder of that name can be made, before the work."""
-    if output is None:
-        return
-    nearest = next(each for each in (output, *output.absolute().parents) if each.exists())
-    if not nearest.is_dir() or not os.access(nearest, os.W_OK | os.X_OK):
-        raise ConfigError(
-            f"--output {output}: expected a folder that can be made, found {nearest}, which is no "
-            f"folder or closed to writing. Name another one."
-        )
 
 
 def _require_own_name(name: str | None) -> None:

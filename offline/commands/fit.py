@@ -62,15 +62,12 @@ def fit(
     """
     require_packages("offline", ("torch",), "offline-fit")
     for file, option in ((json_file, "--json"), (fitted, "FITTED"), (plot, "--plot")):
-        require_writable(file, option)
-    if fitted.suffix != ".toml":
-        raise ConfigError(
-            f"FITTED: expected a car file that ends in .toml, found {fitted}. Name another one."
-        )
+        suffix = ".toml" if file is fitted else ""
+        require_writable(file, option, suffix=suffix, inputs=(car,))
     if plot is not None:
         from rt_controller.report.drive_figure import require_figure_file
 
-        require_figure_file(plot)
+        require_figure_file(plot, moves=False)
     from offline.data.dataset import load_dataset
     from offline.evaluation.car_fit import drives_of, fit_car, judge
     from offline.evaluation.car_parameters import fitted_of, with_stated

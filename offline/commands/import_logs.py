@@ -5,7 +5,7 @@ from pathlib import Path
 
 from offline.commands.options import JsonFile, Logs
 from rt_controller.contract.errors import require_packages
-from rt_controller.contract.figures import require_writable, write_figures
+from rt_controller.contract.figures import require_folder, require_writable, write_figures
 from rt_controller.terminal.command_line import new_app, run_command
 
 app = new_app(
@@ -35,7 +35,8 @@ def import_logs(
         replace: overwrite an existing data set
     """
     require_packages("offline,logs", ("pandas",), "offline-import")
-    require_writable(json_file)
+    require_writable(json_file, inputs=(mapping, *logs))
+    require_folder(data, "--data")
     from offline.commands import log_import
 
     write_figures(json_file, log_import.import_logs(mapping, logs, data, replace=replace))

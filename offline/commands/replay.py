@@ -51,7 +51,7 @@ def replay(
         friction: of the road of the recording; default: that of the car file
     """
     require_packages("offline,logs", ("pandas",), "offline-replay")
-    require_writable(json_file)
+    require_writable(json_file, inputs=(mapping, *logs))
     from offline.evaluation.replay import replay_drive
     from offline.logs.mapping import read_mapping
     from offline.logs.readers.source import find_logs, read_log

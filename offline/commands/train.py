@@ -10,7 +10,7 @@ from offline.commands.options import RUNS, Config, DataFolder, JsonFile, require
 from offline.commands.terminal import STDERR, print_plain, progress_bar, quoted, stop_on_signals
 from offline.config import TrainingConfig, explicit_fields, resolve
 from rt_controller.contract.errors import ConfigError
-from rt_controller.contract.figures import write_figures
+from rt_controller.contract.figures import require_folder, write_figures
 from rt_controller.terminal.command_line import new_app, run_command
 from rt_controller.terminal.entry import INTERRUPTED
 from sim_bridge.campaign import THIS_MACHINE, Backend
@@ -66,6 +66,7 @@ def train(
         runs: folder that gets a new folder for each run
     """
     require_ready(json_file)
+    require_folder(runs, "--runs")
     if resume is not None:
         figures, exit_code = resume_run(resume, config, data)
     else:

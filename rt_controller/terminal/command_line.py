@@ -85,6 +85,7 @@ def run_command(app: App, arguments: Sequence[str] | None = None) -> None:
         print_error(program, with_options(str(explained), _options_of(app, tokens)))
         code = explained.exit_code
     except KeyboardInterrupt:
+        Console(stderr=True).show_cursor()  # a spinner that was just starting has hidden it
         print_error(program, SENTENCE)
         code = INTERRUPTED
     sys.exit(code)

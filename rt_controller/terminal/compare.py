@@ -32,10 +32,11 @@ def compare_at_terminal(
     is_quiet: bool,
 ) -> int:
     """Drive, print the table, write the files; the exit code of the program."""
-    require_writable(json_file)
+    require_writable(json_file, inputs=scenarios)
+    require_writable(results, "--results", inputs=scenarios)
     if html is not None:
         require_report_extra("--html")
-        require_writable(html, "--html")
+        require_writable(html, "--html", suffix=".html")
     if plot is not None:
         require_writable(plot, "--plot")
         require_figure_file(plot, moves=False)

@@ -59,7 +59,7 @@ def explain_at_terminal(
 
     Without a `number` it is the tick in which the last safe stop began.
     """
-    require_writable(json_file)
+    require_writable(json_file, inputs=(log,))
     with announce(f"replaying {log} up to one tick", is_quiet), threadpool_limits(1, "blas"):
         drive = read_recorded_drive(log)
         with closing(Replay(drive, model)) as replay:

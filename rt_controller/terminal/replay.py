@@ -34,7 +34,8 @@ def replay_at_terminal(
     is_quiet: bool,
 ) -> int:
     """Replay a log, print what differs; the exit code of the program."""
-    require_writable(json_file)
+    require_writable(json_file, inputs=(log,))
+    require_writable(mcap, "--mcap", suffix=".mcap")
     found: list[Difference] = []
     with (
         announce(f"replaying {log}", is_quiet),

@@ -55,8 +55,8 @@ def report_at_terminal(
     """Write the page about one or two logs, print its headline; the exit code of the program."""
     require_report_extra("rt-controller report")
     page_file = logs[0].with_suffix(".html") if output is None else output
-    require_writable(page_file, "--output")
-    require_writable(json_file)
+    require_writable(page_file, "--output", suffix=".html")
+    require_writable(json_file, inputs=logs)
     if page_file.exists() and not overwrite:
         raise ConfigError(
             f"{page_file}: expected no page of that name yet, found one, which is left as it is. "

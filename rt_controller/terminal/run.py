@@ -42,6 +42,7 @@ from rt_controller.terminal.command_line import print_error
 from rt_controller.terminal.entry import INTERRUPTED
 from rt_controller.terminal.progress import SETTLING, announce, show, watch
 from rt_controller.terminal.stop_message import (
+    TIME_CAUSES,
     VEHICLE_KNOWS,
     begin_of_stop,
     explain_braking,
@@ -62,6 +63,7 @@ from rt_controller.terminal.summary import (
     why_late,
     write_ticks,
 )
+from rt_controller.vehicle.braking_cause import BrakingCause
 
 if TYPE_CHECKING:
     from rt_controller.terminal.options import RunOptions
@@ -72,6 +74,7 @@ VIRTUAL_MISS_SHARE = 0.02
 """of the ticks that may be late on the virtual bus, where only a simulated car depends on them"""
 EXIT_DEADLINE = 4
 EXIT_SAFE_STOP = 6
+NO_COMMAND = BrakingCause.NO_COMMAND.value
 
 
 def run_at_terminal(options: "RunOptions") -> int:
@@ -216,19 +219,25 @@ def _exit_code(
     cause, bus_fault = record.result.cause, record.result.bus_fault
     braking = _vehicle_braking(session, car)
     faults = () if car is None else car.bridge.faults_so_far()
+    is_stop = record.ending is Ending.SAFE_STOPPED or bus_fault in BUS_CAUSES
+    text = ""
+    if is_stop:
+        failed = failed_checks(session)
+        stop = explain_stop(cause, session.inbox, faults, bus_fault, failed, braking)
+        text = f"{begin_of_stop(session)}: {stop}"
+    elif braking:
+        text = f"{record.ending.value}; {explain_braking(braking)}"
     busy = ""
     if options.is_virtual and not options.is_lockstep and not faults:
-        busy = explain_busy(record, allowed_misses, bool(braking))
-    if record.ending is Ending.SAFE_STOPPED or bus_fault in BUS_CAUSES:
-        failed = failed_checks(session)
+        is_of_time = {cause, bus_fault} <= TIME_CAUSES and braking in ("", NO_COMMAND)
+        busy = explain_busy(record, allowed_misses, bool(braking), "" if is_of_time else text)
+    if is_stop:
         failure = law_error(session.planner)
-        stop = explain_stop(cause, session.inbox, faults, bus_fault, failed, braking)
-        text = busy or f"{late}{begin_of_stop(session)}: {stop}"
-        print_error(PROGRAM, text if failure is None else str(failure))
+        print_error(PROGRAM, busy or f"{late}{text}" if failure is None else str(failure))
         is_bus = {cause, bus_fault} & {*BUS_CAUSES, *RECOVERABLE_BUS_CAUSES}
         return BusError.exit_code if is_bus else EXIT_SAFE_STOP
     if braking:
-        print_error(PROGRAM, busy or f"{late}{record.ending.value}; {explain_braking(braking)}")
+        print_error(PROGRAM, busy or f"{late}{text}")
         return EXIT_SAFE_STOP
     if deadlines.deadline_misses > allowed_misses:
         print_error(

@@ -46,7 +46,7 @@ def check_at_terminal(
     is_quiet: bool,
 ) -> int:
     """Print what arrives of each signal; 0, or 8 if something was found."""
-    require_writable(json_file)
+    require_writable(json_file, inputs=(file, log))
     if (log is None) == (bus is None):
         raise ConfigError(
             "expected a log or --bus, found "
@@ -88,7 +88,7 @@ def gateway_at_terminal(
     json_file: Path | None,
 ) -> int:
     """Translate until Ctrl-C."""
-    require_writable(json_file)
+    require_writable(json_file, inputs=(file,))
     car = _read_car(file)
     car_bus.require_openable(car.database.is_fd)
     bus.require_openable()

@@ -11,6 +11,15 @@ from rt_controller.safety.checks import Check
 from rt_controller.session import ControllerSession
 
 VEHICLE_KNOWS = "The vehicle's program (sim-bridge, or the gateway) names the cause at its end"
+TIME_CAUSES = {
+    StopCause.NONE,
+    StopCause.STATE_LOST,
+    StopCause.REFERENCE_LOST,
+    StopCause.MISSION_LOST,
+    StopCause.COMMANDS_UNANSWERED,
+    StopCause.VEHICLE_BRAKING,
+}
+"""what a machine without time for a drive may cause by itself"""
 _RECORDED = "rt-controller explain shows more of a recorded drive."
 _MESSAGES: dict[StopCause, Message[Any]] = {
     StopCause.STATE_INVALID: STATE,
@@ -73,25 +82,28 @@ def explain_braking(braking: str) -> str:
     return f"the vehicle then braked by itself{separator}{braking}"
 
 
-def explain_busy(record: RunRecord, allowed_ticks: int, is_braking: bool) -> str:
+def explain_busy(record: RunRecord, allowed_ticks: int, is_braking: bool, other: str = "") -> str:
     """That this machine had no time for a drive in real time, and how the drive ended.
 
     Empty if no more than so many ticks were late, left out, or without a new state: the simulated
-    car may be late too. `is_braking`: the vehicle brakes by itself.
+    car may be late too. `is_braking`: the vehicle brakes by itself. `other`: how the drive ended,
+    if its cause is not one of `TIME_CAUSES`; it is said first.
     """
     deadlines, without = record.deadlines, record.ticks_by_fault[Fault.STATE_STALE]
     late = deadlines.deadline_misses + deadlines.skipped_ticks
     if late + without <= allowed_ticks:
         return ""
-    end = ""
-    if record.ending is Ending.SAFE_STOPPED:
+    begin, end = "", ""
+    if other:
+        begin = f"{other.rstrip('.')}. Besides, "
+    elif record.ending is Ending.SAFE_STOPPED:
         end = f", so the car was stopped at {record.stop_s or 0.0:.1f} s"
     elif is_braking:
         end = ", so the vehicle braked by itself"
     return (
-        f"this machine was too busy to drive in real time ({late} of {deadlines.ticks} control "
-        f"steps late or left out, {without} without a new state){end}; --pace lockstep drives "
-        f"independently of the machine."
+        f"{begin}this machine was too busy to drive in real time ({late} of {deadlines.ticks} "
+        f"control steps late or left out, {without} without a new state){end}; --pace lockstep "
+        f"drives independently of the machine."
     )
 
 

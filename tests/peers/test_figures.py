@@ -58,15 +58,17 @@ def measured(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     return names
 
 
-def test_a_table_is_made_between_its_markers_and_a_changed_number_is_found(root, measured):
+def test_a_table_is_made_between_its_markers_and_a_changed_number_is_found(root, measured, capsys):
     assert run(root) == 0
     text = (root / "README.md").read_text()
     assert "| lane change, 80 km/h | 0.016, 0.044 | 0.016, 0.044 |" in text
     assert text.startswith("Before.\n")
     assert text.endswith("\nAfter.\n")
     assert run(root, "--check") == 0
+    assert "checked 1 tables in 1 files" in capsys.readouterr().err
     (root / "README.md").write_text(text.replace("0.016, 0.044", "0.015, 0.044", 1))
     assert run(root, "--check") == 1
+    assert "README.md: differs from the results" in " ".join(capsys.readouterr().err.split())
     assert run(root, "--tables") == 0
     assert (root / "README.md").read_text() == text
 

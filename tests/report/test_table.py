@@ -49,6 +49,11 @@ def test_long_text_wraps_inside_the_terminal():
     assert text.count("words") == 40
 
 
+def test_a_word_is_broken_only_if_it_is_wider_than_the_terminal():
+    long = "w" * 40
+    assert long in printed(facts_table([Fact("name", f"a few words, {long}, and more")]), 60)
+
+
 @pytest.mark.parametrize("columns", [2, 13, 30])
 def test_a_wide_table_is_printed_in_parts_of_80_columns_that_repeat_its_names(columns):
     heads = (

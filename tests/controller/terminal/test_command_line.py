@@ -13,7 +13,7 @@ from types import SimpleNamespace
 import pytest
 
 from rt_controller.contract.errors import ArtifactError
-from rt_controller.contract.faults import StopCause
+from rt_controller.contract.faults import Fault, StopCause
 from rt_controller.contract.signals import Mode
 from rt_controller.drive.scenario import DrivenScenario
 from rt_controller.loop import Ending
@@ -55,6 +55,18 @@ LONG = "/tmp/[/x]/[sim]/" + 20 * "long-folder/"
         ("--bus virtual --json missing/file", "--json missing/file: expected a file"),
         ("--bus virtual --ticks missing/file", "--ticks missing/file: expected a file"),
         ("--bus virtual --record drive.trc", "can_logconvert"),
+        ("--bus virtual --plot drive.doc", "drive.doc: expected a figure as one of"),
+        ("--bus virtual --json file/x", "--json file/x: expected a file"),
+        ("replay log.log --json log.log", "--json log.log: expected a file that can be written"),
+        ("replay log.log --mcap drive.txt", "--mcap drive.txt: expected a file name that ends in"),
+        ("replay log.log --mcap missing/drive.mcap", "found no folder missing"),
+        ("explain log.log --json log.log", "found a file that this command reads"),
+        ("report log.log --output drive.pdf", "--output drive.pdf: expected a file name that ends"),
+        ("report log.log --json log.log", "found a file that this command reads"),
+        ("signals check log.log log.log --json log.log", "found a file that this command reads"),
+        ("compare stanley --html drive.pdf", "--html drive.pdf: expected a file name that ends in"),
+        ("compare stanley --plot drive.doc", "drive.doc: expected a figure as one of"),
+        ("compare stanley --results file/x", "--results file/x: expected a file"),
         *((f"--bus virtual {each} loop.svg", "symbolic links") for each in LINKED),
     ],
 )
@@ -68,16 +80,39 @@ def test_what_does_not_fit_is_refused_before_the_drive_with_what_was_expected(
     for run_folder in ("run", "folder"):
         (tmp_path / run_folder / "config.json").touch()
     (tmp_path / "loop.svg").symlink_to("loop.svg")
+    for name in ("file", "log.log"):
+        (tmp_path / name).touch()
     code, message = run(*arguments.split())
     assert code == 2
     assert expected in message
     assert not list(tmp_path.glob("drive*"))
 
 
-def test_a_missing_network_interface_is_named(run):
-    code, message = run("--bus", "socketcan", "--channel", "vcan77")
+def test_a_missing_network_interface_is_named_before_the_model_is_loaded(run, tmp_path):
+    code, message = run("--bus", "socketcan", "--channel", "vcan77", "--model", tmp_path)
     assert code == 5
     assert "vcan77" in message
+
+
+@pytest.mark.parametrize(
+    ("arguments", "environment", "expected"),
+    [
+        ("--bus", {}, "rt-controller: --bus: expected"),
+        ("--bus", {"FORCE_COLOR": "1"}, "\x1b[31mrt-controller: --bus: expected"),
+        ("--bus", {"FORCE_COLOR": "1", "NO_COLOR": "1"}, "rt-controller: --bus: expected"),
+        ("--bus", {"FORCE_COLOR": "1", "TERM": "dumb"}, "rt-controller: --bus: expected"),
+        ("--bus virtual --check --model lti", {}, "loading the model, assembling the QP\n"),
+    ],
+)
+def test_stderr_begins_with_a_message_of_the_program(arguments, environment, expected):
+    """In colour only where that is wanted; python-can says nothing of its own."""
+    colours = ("FORCE_COLOR", "NO_COLOR", "TERM")
+    inherited = {name: value for name, value in os.environ.items() if name not in colours}
+    command = [sys.executable, "-m", "rt_controller", *arguments.split()]
+    done = subprocess.run(
+        command, env={**inherited, **environment}, capture_output=True, text=True, check=False
+    )
+    assert done.stderr.startswith(expected)
 
 
 class NoCar:
@@ -97,6 +132,9 @@ class NoCar:
     )
 
     def tick(self, now_ns: int) -> None:
+        pass
+
+    def start(self, priority: int) -> None:
         pass
 
     def close(self) -> None:
@@ -168,6 +206,34 @@ def test_the_exit_code_and_the_message_say_how_a_drive_ended(
     found, message = run("--bus", bus, *pace, "--quiet")
     assert found == code
     assert expected in message
+
+
+@pytest.mark.parametrize(
+    ("cause", "expected"),
+    [
+        (
+            StopCause.STATE_LOST,
+            "^rt-controller: this machine was too busy .* stopped at 0.0 s; --p",
+        ),
+        (
+            StopCause.PATH_JUMP,
+            r"^rt-controller: safe stop: the path jumps\..* Besides, this machin",
+        ),
+    ],
+)
+def test_a_busy_machine_is_named_after_a_cause_that_has_nothing_to_do_with_it(
+    run, monkeypatch, cause, expected
+):
+    def end(session):
+        session.record.ticks_by_fault[Fault.STATE_STALE] = 50
+        session.record.result = Tick(mode=Mode.SAFE_STOP, cause=cause)
+        session.record.ending = Ending.SAFE_STOPPED
+
+    end_at_start(monkeypatch, end)
+    monkeypatch.setattr(NoCar.bridge, "faults_so_far", lambda: ())
+    code, message = run("--bus", "virtual", "--quiet")
+    assert code == 6
+    assert re.search(expected, message), message
 
 
 def test_all_names_and_ranges_are_refused_in_one_message_before_anything_is_loaded(

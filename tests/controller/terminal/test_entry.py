@@ -4,6 +4,7 @@ import os
 import signal
 import subprocess
 import sys
+import time
 import tomllib
 from pathlib import Path
 
@@ -69,6 +70,25 @@ def test_ctrl_c_ends_an_import_and_the_work_after_it_which_cleans_up(text, tmp_p
     code, err = interrupted(LISTENING + waiting_module(tmp_path, text))
     assert (code, err) == (INTERRUPTED, "program: ended by Ctrl-C\n")
     assert (tmp_path / "loaded.py.cleaned").exists() is ("finally" in text)
+
+
+@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="processes are found on Linux")
+@pytest.mark.parametrize("delay_s", [0.6, 1.2, 2.5])
+def test_ctrl_c_at_a_terminal_ends_the_data_generation_with_its_processes(delay_s, tmp_path):
+    """While it imports, while its workers start, and while they work; all get the signal."""
+    script = f"{LISTENING}from offline.entry import data_main; data_main()"
+    process = subprocess.Popen(
+        [sys.executable, "-c", script, "--jobs", "2", "--data", str(tmp_path / "set")],
+        start_new_session=True,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    time.sleep(delay_s)
+    os.killpg(process.pid, signal.SIGINT)
+    err = process.communicate(timeout=60)[1]  # which workers that are left would keep open
+    messages = [line for line in err.splitlines() if not line.startswith(("making", "simulating"))]
+    assert (process.returncode, messages) == (INTERRUPTED, ["offline-data: ended by Ctrl-C"])
+    assert not (tmp_path / "set" / "manifest.json").exists()
 
 
 def test_an_ignored_ctrl_c_stays_ignored(tmp_path):

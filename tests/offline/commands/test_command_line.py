@@ -16,14 +16,14 @@ from pathlib import Path
 import pytest
 from fitted_network import fitted
 
-from offline.commands import data, evaluate, export, import_logs, terminal
+from offline.commands import data, evaluate, export, import_logs, replay, terminal
 from offline.commands import train as training
 from offline.commands.terminal import stop_on_signals
 from offline.config import TrainingConfig
 from offline.data import dataset
 from offline.data.dataset import load_dataset
 from offline.data.manifest import Imported, SourceFile
-from offline.training.run import load_checkpoint, save_checkpoint
+from offline.training.run import load_checkpoint, open_run, save_checkpoint, training_lock
 from offline.training.train import train
 from rt_controller.bundle_checks.plan_check import require_stored_plans
 from rt_controller.contract.revision import source_revision
@@ -263,6 +263,8 @@ def test_a_run_is_resumed_with_its_data_and_refuses_another_configuration(comman
     command(training.main, *train, "--rate-schedule", "plateau")
     config = json.loads(Path("runs/latest/config.json").read_text())["config"]
     assert (config["episodes"], config["data_seed"]) == (40, 3)
+    with training_lock(open_run(Path("runs/latest"))):
+        assert "a training is running" in command(export.main, code=2)
     resume = ("--resume", "runs/latest", "--steps", 9, "--json", "train.json")
     command(training.main, *resume)
     assert json.loads(Path("train.json").read_text())["step"] == 9
@@ -278,6 +280,7 @@ REFUSED = [
     (evaluate.main, ("--model", "lti", "--sets", "holdout"), "--sets"),
     (evaluate.main, ("--model", "lti", "--baselines", "grue"), "--baselines.*grue"),
     (evaluate.main, ("--html", "."), "--html"),
+    (evaluate.main, ("--html", "page.pdf"), r"page\.pdf: expected a file name that ends in \.html"),
     (evaluate.main, ("--html", "no/such/folder/page.html"), "--html"),
     (export.main, ("--json", "no/such/folder.json"), "--json"),
     (export.main, ("--output", "file/bundle"), "--output file/bundle"),
@@ -288,11 +291,14 @@ REFUSED = [
     (training.main, ("--resume", "nowhere"), "offline-train"),
     (training.main, ("--steps", 0, "--patience", -1), "--steps.*--patience"),
     (training.main, ("--data", TOY, "--data-seed", 4, "--steps", 3), "40 episodes of seed 3"),
-    (training.main, ("--data", TOY, "--runs", "file/runs", "--steps", 3, *SMALL), "--runs"),
+    (training.main, ("--data", "typo", "--runs", "file/runs"), "--runs file/runs: expected"),
     # A misspelt name must not start minutes of simulation.
     (training.main, NO_DATA, "typo.*offline-data"),
     (data.main, ("--episodes", "3"), "--episodes"),
-    (data.main, ("--data", "file/data", "--episodes", "10", "--jobs", "1"), "--data"),
+    (data.main, ("--data", "file/data"), "^offline-data: --data file/data"),
+    (import_logs.main, ("map.toml", "a.csv", "--data", "file/data"), "--data file/data: expected"),
+    (import_logs.main, ("map.toml", "file", "--json", "file"), "a file that this command reads"),
+    (replay.main, ("map.toml", "file", "--json", "file"), "a file that this command reads"),
     (data.main, ("--episodes", 50, "--data", TOY), "40 episodes of seed 3"),
     (data.main, ("--friction", 0.0, 1.0, "--payload-kg", -1, 5), "--friction.*--payload-kg"),
     (data.main, ("--gust-mps", 3), "(?=.*--changing-share).*--gust-mps"),

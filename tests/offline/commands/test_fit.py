@@ -110,7 +110,8 @@ def test_a_car_of_which_the_logs_tell_nothing_differs_by_what_is_stated(data, tm
         ("own.toml", ("--only", "tyre.colour"), "tyre.colour"),
         ("own.toml", ("--car", "no_such_car"), "no_such_car"),
         ("own.toml", ("--plot", "fit.txt"), "fit.txt"),
-        ("own.txt", (), r"ends in \.toml, found .*own\.txt"),
+        ("own.txt", (), r"own\.txt: expected a file name that ends in \.toml"),
+        ("nowhere/own.toml", (), "FITTED .*own.toml: expected a file that can be written"),
     ],
 )
 def test_an_option_that_does_not_fit_is_refused(data, tmp_path, file, options, named):
