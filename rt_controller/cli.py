@@ -29,8 +29,8 @@ app = new_app(
     "incomplete, 130 ended at once by a third Ctrl-C, or by one while it was loading.",
     "--bus NAME",
     {
-        "Main options": "bus channel scenario car model controller duration-s record seeds results html "
-        "plot json config",
+        "Main options": "bus channel scenario car model controller duration-s record seeds results "
+        "html plot json config",
         "Bus": "bitrate bus-option wait-s stay check",
         "Simulated car (--bus virtual)": "plant plant-mapping friction friction-right "
         "transport-delay actuation-delay faults pace",
