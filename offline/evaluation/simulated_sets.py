@@ -157,7 +157,7 @@ def straight_braking_set() -> TestSet:
     first = [pressed - _periods(after_s) for after_s in PRESSED_AT_S]
     starts = drives.slices._replace(row=np.add.outer(drives.recording.first, first).ravel())
     trajectories = cut(drives.recording, starts, VEHICLE, VEHICLE_ROLES)
-    numbers = b"".join(array.tobytes() for array in trajectories if array is not None)
+    numbers = b"".join(array.tobytes() for array in trajectories)
     description = (
         f"{len(BRAKING_FROM_KMH)} straight stops from {BRAKING_FROM_KMH[0]} to "
         f"{BRAKING_FROM_KMH[-1]} km/h with {INPUT_LIMITS.upper.brake_n:g} N"
