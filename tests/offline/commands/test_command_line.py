@@ -272,7 +272,6 @@ NO_DATA = ("--data", "typo", "--episodes", 10)
 REFUSED = [
     (export.main, ("nowhere",), "offline-train"),
     (evaluate.main, ("--model", "nowhere"), "offline-export"),
-    (evaluate.main, ("--model", "lti", "--noise", "1", "0"), "--noise"),
     (evaluate.main, ("--model", "lti", "--sets", "holdout"), "--sets"),
     (evaluate.main, ("--model", "lti", "--baselines", "grue"), "--baselines.*grue"),
     (evaluate.main, ("--html", "."), "--html"),
