@@ -28,7 +28,7 @@ GROUPS = {
     "patience evaluate-every gradient-clip best-rule",
     "Loss": "objective horizon-start horizon-growth forgetting weight-single-step "
     "weight-multi-step weight-stability weight-regularisation decay-encoder decay-operator "
-    "operator-prior stability through-last-step target-samples",
+    "operator-prior stability through-last-step",
     "Model": "activation hidden latents latents-start constant-observable lift-exogenous products "
     "history-steps separate-motion bilinear-rank "
     "saturating-gains drift-rank bilinear-follows",

@@ -11,7 +11,7 @@ from offline.data.dataset import Dataset
 from offline.data.manifest import PARTS
 from offline.data.sampling import open_source, validation_batch
 from offline.model.encoder import MakeEncoder
-from offline.model.losses import LossFunction, draw_times, evaluate, horizon_of_step, total_loss
+from offline.model.losses import LossFunction, evaluate, horizon_of_step, total_loss
 from offline.model.stability import spectral_radius
 from offline.training.initial import choose_scaling, take_weights
 from offline.training.optimizer import (
@@ -90,10 +90,9 @@ def train(
         # 4: select a batch.
         batch = source.draw(config.batch, state.rng).to(state.device)
         batch = batch.shorten(horizon_of_step(state.step, config, batch.steps))
-        times = draw_times(batch.steps, config.target_samples, state.rng)
 
         # 5, 6: encode, compute the loss and its gradient.
-        losses = loss(model, config, batch, times)
+        losses = loss(model, config, batch)
         optimizer.zero_grad()
         losses.total.backward()  # type: ignore[no-untyped-call]
         gradient_norm = clip_grad_norm_(model.parameters(), config.gradient_clip or math.inf)
