@@ -214,5 +214,5 @@ def _to_text(state: "TrainingState") -> str:
         f"stability {losses.stability.item():.1e}, "
         f"regularisation {losses.regularisation.item():.4g}\n"
         f"validation {state.validation_losses[-1]:.4f}, best {state.best_validation_loss:.4f}, "
-        f"spectral radius {state.spectral_radius:.4f}, rate {state.learning_rate:.1e}"
+        f"spectral radius {state.spectral_radius:.4f}, rate {state.optimizer.rate:.1e}"
     )

@@ -85,7 +85,7 @@ def train(
     while not is_over(state.step, state.scheduled_rate, config) and not stop_requested():
         if config.rate_schedule == "cosine":
             rate = cosine_rate(state.step, config.steps, config.learning_rate)
-            state.learning_rate = state.rate_share * rate
+            optimizer.rate = state.rate_share * rate
 
         # 4: select a batch.
         batch = source.draw(config.batch, state.rng).to(state.device)
@@ -120,7 +120,7 @@ def train(
                     "step": state.step - 1,
                     "train": state.take_mean_losses()._asdict(),
                     "validation": validation._asdict(),
-                    "learning_rate": state.learning_rate,
+                    "learning_rate": optimizer.rate,
                     "rate_share": state.rate_share,
                     "spectral_radius": state.spectral_radius,
                     "is_best": decision.is_best,
@@ -129,7 +129,7 @@ def train(
             )
             # 11, 12: lower the rate. 13, 14: keep the best model.
             if decision.lower_rate and config.rate_schedule == "plateau":
-                state.learning_rate *= 0.5
+                optimizer.rate *= 0.5
             checkpoint = state.to_checkpoint(config, scaling, dataset.sha256)
             if decision.is_best:
                 state.best_validation_loss = validation.total

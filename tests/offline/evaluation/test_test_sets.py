@@ -14,9 +14,6 @@ from offline.evaluation import simulated_sets
 from offline.evaluation.lane_change import WINDOWS, drive_lane_change
 from offline.evaluation.parts import parts_of, whole_part
 from offline.evaluation.simulated_sets import (
-    BY_FRICTION,
-    BY_MASS_FACTOR,
-    NOMINAL,
     SIMULATED,
     open_simulated_set,
     straight_braking_set,
@@ -138,8 +135,8 @@ def test_no_preset_trains_with_the_seeds_of_these_sets():
 
 
 def test_the_same_drivers_drive_on_every_friction_and_with_every_mass():
-    nominal = open_simulated_set(replace(NOMINAL, episodes=2))[1].trajectories
-    for which in (BY_FRICTION[1.0], BY_MASS_FACTOR[1.15]):
+    nominal = open_simulated_set(replace(BY_NAME["nominal"], episodes=2))[1].trajectories
+    for which in (BY_NAME["friction-1"], BY_NAME["mass-1.15"]):
         other = open_simulated_set(replace(which, episodes=2))[1].trajectories
         assert np.array_equal(other.u, nominal.u)
         assert not np.allclose(other.x[:, -1, :3], nominal.x[:, -1, :3], atol=1e-3)
