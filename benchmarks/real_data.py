@@ -8,7 +8,7 @@ import cyclopts
 
 from offline.commands.evaluate import evaluation_figures, run_evaluation
 from offline.commands.export import export_run
-from offline.commands.log_import import import_logs
+from offline.commands.import_logs import import_logs
 from offline.commands.terminal import STDOUT
 from offline.commands.train import start_run
 from offline.config import TrainingConfig

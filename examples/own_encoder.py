@@ -26,9 +26,9 @@ def encoder(width, latents):
     return nn.Sequential(nn.Linear(width, 32), nn.Tanh(), nn.Linear(32, latents))
 
 
-def loss(model, config, batch, times):
+def loss(model, config, batch):
     """The loss of the preset, plus the mean squared lateral and heading error."""
-    losses = total_loss(model, config, batch, times)
+    losses = total_loss(model, config, batch)
     return losses._replace(total=losses.total + state_errors(model, batch)[4:].mean())
 
 

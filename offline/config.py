@@ -113,9 +113,6 @@ class TrainingConfig(Settings):
     on the growth of A^64 alone; eigenvalue: eq. (11) as printed"""
     through_last_step: bool = True
     """sum eq. (10) up to step K instead of the printed K-1"""
-    target_samples: PositiveInt | None = None
-    """number of random target times that are encoded per batch (an unbiased estimate of the sums);
-    none: all"""
 
     activation: Literal["silu", "relu"] = "silu"
     """activation of the hidden layers of the encoder"""

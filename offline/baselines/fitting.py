@@ -159,20 +159,6 @@ def best_model(models: Iterable[Model], dataset: Dataset) -> Model:
 def scale_windows(
     scaling: Scaling, past_steps: int, x0: Array, past: Array, U: Array, W: Array
 ) -> tuple[Array, Array, Array, Array]:
-    """Scaled x0, U, W and last `past_steps` rows of the past; arguments of `Predictor.predict`.
-
-    Raises:
-        DatasetError: a shape does not fit the baseline or the other arrays.
-    """
-    n, m, p, h = map(len, (scaling.x_scale, scaling.u_scale, scaling.w_scale, scaling.past_scale))
-    found = tuple(each.shape for each in (x0, past, U, W))
-    batch, steps, rows = len(x0), *(part.shape[1] if part.ndim > 1 else 0 for part in (U, past))
-    expected = ((batch, n), (batch, rows, h), (batch, steps, m), (batch, steps, p))
-    if found != expected or rows < past_steps:
-        raise DatasetError(
-            f"expected x0 (batch, {n}), past (batch, {past_steps} or more, {h}), U (batch, K, {m}) "
-            f"and W (batch, K, {p}), found {', '.join(map(str, found))}. Predict on windows of the "
-            f"signals that the baseline was fitted to."
-        )
+    """Scaled x0, U, W and last `past_steps` rows of the past; arguments of `Predictor.predict`."""
     rows_of_past = (last_rows(past, past_steps) - scaling.past_centre) / scaling.past_scale
     return scaling.normalise_states(x0), U / scaling.u_scale, W / scaling.w_scale, rows_of_past

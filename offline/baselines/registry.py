@@ -92,12 +92,12 @@ def find_baseline(name: str) -> Baseline:
     return BASELINES[name]
 
 
-def fit(name: str, dataset: Dataset, refit: bool = False) -> Predictor:
+def fit(name: str, dataset: Dataset) -> Predictor:
     """The baseline fitted to these data, from the cache if it was fitted to them before.
 
     A fit of the cache counts for its data, the settings in its row of the table, and the version
-    of this package; `refit` replaces it, as after a change of the baseline's code. A file of the
-    cache that cannot be read is replaced too.
+    of this package; one that cannot be read is replaced. After a change of a baseline's code delete
+    the folder.
 
     Raises:
         ConfigError: there is no such baseline, or the folder cannot be written.
@@ -114,9 +114,7 @@ def fit(name: str, dataset: Dataset, refit: bool = False) -> Predictor:
         )
     folder = cache().parent / "baselines"
     try:
-        cached = Memory(folder, verbose=0).cache(
-            _fit, ignore=["dataset"], cache_validation_callback=lambda metadata: not refit
-        )
+        cached = Memory(folder, verbose=0).cache(_fit, ignore=["dataset"])
     except OSError as error:
         raise ConfigError(
             f"{folder}: expected a folder for fitted baselines, found: {error.strerror}. Set "
@@ -159,9 +157,8 @@ def open_baselines(
     is_required: bool,
     notify: Callable[[str], None] = lambda text: None,
     on_progress: Callable[[str], None] = lambda name: None,
-    refit: bool = False,
 ) -> dict[str, Predictor]:
-    """The baselines by name, taken from the cache, or fitted now if `refit` or not in the cache.
+    """The baselines by name, taken from the cache, or fitted now.
 
     `on_progress` is called with the name of each before it is waited for.
     One that these data or models do not allow is left out, and `notify` gets the reason.
@@ -183,7 +180,7 @@ def open_baselines(
         if name == SHIPPED:
             opened[name] = BundlePredictor(load_bundle(shipped_model(SHIPPED)))
         else:
-            opened[name] = fit(name, dataset, refit)
+            opened[name] = fit(name, dataset)
     return opened
 
 

@@ -48,9 +48,7 @@ def evaluate(
     model: Annotated[list[Path] | None, Several] = None,
     data: Path | None = None,
     baselines: Annotated[list[str] | None, Several] = None,
-    refit: Annotated[bool, Parameter(negative="")] = False,
     sets: Annotated[list[str] | None, Several] = None,
-    noise: Annotated[list[float] | None, Several] = None,
     all_tables: Annotated[bool, Parameter(name="--all", negative="")] = False,
     html: Path | None = None,
     json_file: JsonFile = None,
@@ -65,11 +63,8 @@ def evaluate(
             have been trained on is refused
         baselines: names of baselines, "all" or "none"; default: linear models, persistence, and the
             paper's network. A baseline that is not in the cache is fitted first
-        refit: fit the baselines again, also those in the cache: after a change of their code
         sets: library, new-roads, bends, robustness, varied, noise, sliding, fast, braking,
             friction, mass; default: all of them
-        noise: levels of the test sets with measurement noise, 1 for 0.03 m/s, 0.1 deg/s, 0.02 m and
-            0.1 deg; default: 1 3
         all_tables: also print the paper's Table I, every ratio, and every part of the test sets:
             roads, ranges of speed, sideslip and brake
         html: also write this page with plots: errors over time, ratios, eigenvalues, and the
@@ -84,7 +79,7 @@ def evaluate(
     from offline.evaluation import tables
     from rt_controller.report.table import print_table
 
-    evaluation = run_evaluation(model, data, baselines, sets, noise, refit)
+    evaluation = run_evaluation(model, data, baselines, sets)
     comparison, library = evaluation.comparison, evaluation.comparison.parts[0]
     STDOUT.print(tables.headline(comparison), markup=False)
     STDOUT.print(f"{library.size}: {library.description}", soft_wrap=True)
@@ -143,8 +138,6 @@ def run_evaluation(
     data: Path | None = None,
     baselines: Sequence[str] | None = None,
     sets: Sequence[str] | None = None,
-    noise: Sequence[float] | None = None,
-    refit: bool = False,
 ) -> Evaluation:
     """The bundles in these folders, evaluated on data that no bundle was trained on.
 
@@ -157,18 +150,18 @@ def run_evaluation(
     from offline.evaluation.comparison import compare_models
     from offline.evaluation.held_out import choose_test_data
     from offline.evaluation.parts import parts_of
-    from offline.evaluation.test_sets import choose_levels, choose_sets
+    from offline.evaluation.test_sets import choose_sets
     from offline.model.bundle_predictor import BundlePredictor
     from rt_controller.contract.revision import source_revision
     from rt_controller.model.artifact import find_model, load_bundle
 
     revision = source_revision()
     baseline_names = registry.choose_baselines(baselines or ())
-    set_names, levels = choose_sets(sets or ()), choose_levels(noise)
+    set_names = choose_sets(sets or ())
     folders = [find_model(model) for model in models or [_bundle_of_latest_run()]]
     bundles = tuple(load_bundle(folder) for folder in folders)
     dataset = choose_test_data(bundles, data, LATEST_RUN, _notify)
-    tests = open_sets(set_names, dataset, bundles, levels)
+    tests = open_sets(set_names, dataset, bundles)
     is_required = tuple(baselines or ()) not in ((), (registry.ALL,))
     with STDERR.status("fitting baselines") as status:
         opened = registry.open_baselines(
@@ -178,7 +171,6 @@ def run_evaluation(
             is_required,
             _notify,
             lambda name: status.update(f"fitting {name}"),
-            refit,
         )
     named = dict(zip(label_models(folders, taken=opened), bundles, strict=True))
     predictors = {name: BundlePredictor(bundle) for name, bundle in named.items()}
@@ -208,12 +200,9 @@ def _bundle_of_latest_run() -> Path:
 
 
 def open_sets(
-    names: Sequence[str], dataset: "Dataset", bundles: "Sequence[Bundle]", levels: Sequence[float]
+    names: Sequence[str], dataset: "Dataset", bundles: "Sequence[Bundle]"
 ) -> "list[TestSet]":
-    """The test sets of these names, with noise of these levels.
-
-    Why one is left out is printed.
-    """
+    """The test sets of these names; why one is left out is printed."""
     from offline.evaluation import test_sets
 
     library = test_sets.library_set(dataset)
@@ -232,7 +221,7 @@ def open_sets(
     tests += _open_simulated_sets(names, dataset, bundles)
     if test_sets.NOISE in names:
         signals = dataset.schema, dataset.roles
-        noisy = [test_sets.noisy_set(library, level, *signals) for level in levels]
+        noisy = [test_sets.noisy_set(library, k, *signals) for k in test_sets.NOISE_LEVELS]
         tests += [test for test in noisy if test is not None]
         if None in noisy:
             _notify("without noise: the noise of none of the states is known.")

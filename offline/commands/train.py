@@ -28,7 +28,7 @@ GROUPS = {
     "patience evaluate-every gradient-clip best-rule",
     "Loss": "objective horizon-start horizon-growth forgetting weight-single-step "
     "weight-multi-step weight-stability weight-regularisation decay-encoder decay-operator "
-    "operator-prior stability through-last-step target-samples",
+    "operator-prior stability through-last-step",
     "Model": "activation hidden latents latents-start constant-observable lift-exogenous products "
     "history-steps separate-motion bilinear-rank "
     "saturating-gains drift-rank bilinear-follows",
@@ -215,5 +215,5 @@ def _to_text(state: "TrainingState") -> str:
         f"stability {losses.stability.item():.1e}, "
         f"regularisation {losses.regularisation.item():.4g}\n"
         f"validation {state.validation_losses[-1]:.4f}, best {state.best_validation_loss:.4f}, "
-        f"spectral radius {state.spectral_radius:.4f}, rate {state.learning_rate:.1e}"
+        f"spectral radius {state.spectral_radius:.4f}, rate {state.optimizer.rate:.1e}"
     )

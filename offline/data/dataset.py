@@ -37,8 +37,8 @@ from offline.data.manifest import (
     Simulated,
     read_manifest,
 )
-from offline.data.recording import PATH_STATES, Anchor, Recording, Starts, cut
-from offline.data.signals import Array32, Roles, Rows, Trajectories
+from offline.data.recording import Anchor, Recording, Starts, cut
+from offline.data.signals import Roles, Trajectories
 from rt_controller.contract.car import Car, car_of
 from rt_controller.contract.errors import DatasetError
 from rt_controller.contract.files import (
@@ -49,7 +49,6 @@ from rt_controller.contract.files import (
 )
 from rt_controller.contract.signals import Schema
 
-_POSE_COLUMNS = ("X_m", "Y_m", "yaw_rad")
 _SLICE_ARRAYS = ("slice_row", "slice_episode", *(f"slice_{name}" for name in Anchor._fields))
 
 
@@ -87,21 +86,6 @@ class Dataset:
     @property
     def roles(self) -> Roles:
         return self.manifest.roles
-
-    def conditions_at(self, rows: Rows) -> Array32:
-        """True road, wind, load and tyres (..., q) at these rows of the recording.
-
-        The columns are `manifest.conditions`; each value is held until the next row.
-
-        Raises:
-            DatasetError: the data set has no conditions.
-        """
-        if self.recording.conditions is None:
-            raise DatasetError(
-                f"expected a data set with the true conditions of every sample, found one without "
-                f"({self.sha256:.16}…). Make one with offline-data --recipe varied."
-            )
-        return self.recording.conditions[rows]
 
     def episodes(self, part: Part) -> NDArray[np.int64]:
         """Numbers of the episodes of one part."""
@@ -161,14 +145,13 @@ def save_dataset(
         conditions=conditions,
         car=car.own_values if car else {},
     )
-    dataset = Dataset(recording, slices, part, manifest)
-    _require_valid(folder / RECORDING_FILE, dataset)
+    _require_finite(folder / RECORDING_FILE, arrays)
     with writable(folder):
         folder.mkdir(parents=True, exist_ok=True)
         with atomic_write(folder / RECORDING_FILE) as stream:
             np.savez(stream, **arrays)  # type: ignore[arg-type]
         write_text(folder / MANIFEST_FILE, manifest.to_json())
-    return dataset
+    return Dataset(recording, slices, part, manifest)
 
 
 @contextmanager
@@ -225,14 +208,12 @@ def load_dataset(folder: Path) -> Dataset:
         )
     row, episode, *columns = (arrays[name] for name in _SLICE_ARRAYS)
     anchor = Anchor(*columns)
-    dataset = Dataset(
+    return Dataset(
         Recording(**{name: arrays[name] for name in Recording._fields if name in arrays}),
         Starts(row, episode, anchor if len(anchor.ey_m) == len(row) else None),
         arrays["part"],
         manifest,
     )
-    _require_valid(path, dataset)
-    return dataset
 
 
 def _digest(
@@ -253,50 +234,13 @@ def _digest(
     return digest.hexdigest()
 
 
-def _require_valid(path: Path, dataset: Dataset) -> None:
-    """Return if the arrays hold the signals of the manifest, all finite, and poses just with roads.
-
-    Raises:
-        DatasetError: they do not.
-    """
-    recording, slices, schema = dataset.recording, dataset.slices, dataset.schema
-    has_roads, names = dataset.manifest.roads is not None, dataset.manifest.conditions
-    path_states = len(PATH_STATES) if recording.has_poses else 0
-    samples = len(recording.x)
-    conditions = np.zeros((samples, 0)) if recording.conditions is None else recording.conditions
-    sizes = (len(schema.states) - path_states, len(schema.inputs), len(schema.exogenous))
-    expected = (*sizes, (samples, len(names)), has_roads, has_roads)
-    columns = (array.shape[1] for array in (recording.x, recording.u, recording.w))
-    found = (*columns, conditions.shape, recording.has_poses, slices.anchor is not None)
-    if expected != found:
-        raise DatasetError(
-            f"{path}: expected {expected[0]} recorded states, {expected[1]} inputs, {expected[2]} "
-            f"exogenous signals, conditions of shape {expected[3]}, poses: {expected[4]}, slices "
-            f"on roads: {expected[5]}, found {', '.join(str(part) for part in found)}. Manifest "
-            f"and recording are not of one data set: make it again."
-        )
-    series = (
-        (recording.x, schema.state_names),
-        (recording.u, schema.input_names),
-        (recording.w, schema.exogenous_names),
-        (recording.pose, _POSE_COLUMNS),
-        (conditions, names),
-    )
-    for array, signals in series:
-        if not np.all(np.isfinite(array)):
-            row, column = np.argwhere(~np.isfinite(array))[0]
-            episode = int(np.searchsorted(recording.first, row, side="right")) - 1
+def _require_finite(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
+    for name, array in arrays.items():
+        rows = np.argwhere(~np.isfinite(array))
+        if len(rows):
             raise DatasetError(
-                f"{path}: expected finite numbers, found {array[row, column]} for "
-                f"{signals[column]} at sample {row - recording.first[episode]} of episode "
-                f"{episode}. Leave that episode out, or make the data set again."
-            )
-    for name, values in slices.anchor._asdict().items() if slices.anchor else ():
-        if not np.all(np.isfinite(values)):
-            row = int(np.argmax(~np.isfinite(values)))
-            raise DatasetError(
-                f"{path}: expected finite numbers, found {values[row]} for {name} of slice {row}. "
-                f"Leave that slice out, or make the data set again."
+                f"{path}: expected finite numbers, found {array[tuple(rows[0])]} in row "
+                f"{rows[0][0]} of {name}. Leave that drive out, or make the data set again."
             )
 
 

@@ -125,8 +125,7 @@ def cut(
         curvature = starts.anchor.curvature_per_m[:, None, None].astype(np.float32)
         w = np.broadcast_to(curvature, (len(starts.row), steps, 1))
     past = np.concatenate([recording.x[before][..., states], recording.u[before][..., inputs]], -1)
-    conditions = None if recording.conditions is None else recording.conditions[ahead[:, :-1]]
-    return Trajectories(x, recording.u[ahead[:, :-1]], w, past, starts.episode, conditions)
+    return Trajectories(x, recording.u[ahead[:, :-1]], w, past, starts.episode)
 
 
 def possible_starts(

@@ -37,14 +37,11 @@ class Trajectories(NamedTuple):
     """(N, H, h) rows of the history, oldest first: states, and the inputs held after them"""
     episode: NDArray[np.int32]
     """(N,) number of the episode"""
-    conditions: Array32 | None = None
-    """(N, K, q) as in `Recording`"""
 
     def take(self, rows: Rows) -> "Trajectories":
         """The trajectories of these rows."""
-        x, u, w, past, episode, conditions = self
-        taken = None if conditions is None else conditions[rows]
-        return Trajectories(x[rows], u[rows], w[rows], past[rows], episode[rows], taken)
+        x, u, w, past, episode = self
+        return Trajectories(x[rows], u[rows], w[rows], past[rows], episode[rows])
 
 
 Float = TypeVar("Float", bound=np.floating)

@@ -64,16 +64,16 @@ def _conditions(dataset: Dataset) -> Array:
     """(4, 2) as `CONDITIONS`, or (0, 2) where they are not known: in logs."""
     if not isinstance(dataset.origin, Simulated):
         return np.zeros((0, 2))
-    car, names = default_car(), dataset.manifest.conditions
+    car, recorded = default_car(), dataset.recording.conditions
     friction = car.road.friction_left
-    if not names:
+    if recorded is None:
         nominal = np.array([friction, car.road.grade_rad, car.road.bank_rad, 0.0])
         return np.stack([nominal, nominal], axis=1)
     is_trained = np.isin(
         np.repeat(np.arange(len(dataset.part)), dataset.recording.lengths),
         dataset.episodes("train"),
     )
-    rows = dict(zip(names, dataset.conditions_at(is_trained).T, strict=True))
+    rows = dict(zip(dataset.manifest.conditions, recorded[is_trained].T, strict=True))
     found = (
         np.minimum(rows["friction_left"], rows["friction_right"]),
         np.tan(rows["grade_rad"]),

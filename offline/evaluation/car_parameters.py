@@ -92,39 +92,35 @@ def _with_map(car: Parameters, map_nm: Array) -> Parameters:
     return car._replace(**{part: getattr(car, part)._replace(map_nm=rows)})
 
 
-def _largest_nm(car: Parameters) -> float:
-    return float(_map_nm(car).max())
+def _torque(name: str, sign: float, low: float, high: float) -> Fitted:
+    """Largest torque of the map that drives (sign 1) or brakes (-1); its others in proportion."""
+
+    def of(car: Parameters) -> float:
+        return float((sign * _map_nm(car)).max())
+
+    def put(car: Parameters, torque_nm: float) -> Parameters:
+        torques_nm, factor = _map_nm(car), torque_nm / of(car)
+        return _with_map(car, np.where(sign * torques_nm > 0.0, factor * torques_nm, torques_nm))
+
+    return Fitted(name, of, put, low, high)
 
 
-def _released_nm(car: Parameters) -> float:
-    return float(-_map_nm(car).min())
+def _pedal(
+    name: str,
+    value: float,
+    warp: Callable[[Array, float], Array],
+    low: float,
+    high: float,
+    scale: float = 0.0,
+) -> Fitted:
+    """A change of the pedal: it acts as the position `warp` of that of the base car."""
 
+    def put(car: Parameters, value: float) -> Parameters:
+        pedals = np.array(getattr(car, drive_part(car)).map_throttles)
+        columns = [np.interp(warp(pedals, value), pedals, column) for column in _map_nm(car).T]
+        return _with_map(car, np.transpose(columns))
 
-def _with_largest_nm(car: Parameters, torque_nm: float) -> Parameters:
-    torques_nm = _map_nm(car)
-    factor = torque_nm / _largest_nm(car)
-    return _with_map(car, np.where(torques_nm > 0.0, factor * torques_nm, torques_nm))
-
-
-def _with_released_nm(car: Parameters, torque_nm: float) -> Parameters:
-    torques_nm = _map_nm(car)
-    factor = torque_nm / _released_nm(car)
-    return _with_map(car, np.where(torques_nm < 0.0, factor * torques_nm, torques_nm))
-
-
-def _with_pedal(car: Parameters, warp: Callable[[Array], Array]) -> Parameters:
-    """The car whose pedal acts as the position `warp` of the pedal of this one."""
-    pedals = np.array(getattr(car, drive_part(car)).map_throttles)
-    columns = [np.interp(warp(pedals), pedals, column) for column in _map_nm(car).T]
-    return _with_map(car, np.transpose(columns))
-
-
-def _with_pedal_start(car: Parameters, start: float) -> Parameters:
-    return _with_pedal(car, lambda pedals: start + (1.0 - start) * pedals)
-
-
-def _with_pedal_exponent(car: Parameters, exponent: float) -> Parameters:
-    return _with_pedal(car, lambda pedals: pedals**exponent)
+    return Fitted(name, lambda car: value, put, low, high, scale)
 
 
 def _with_motor_speeds(car: Parameters, factor: float) -> Parameters:
@@ -143,11 +139,11 @@ FITTED: tuple[Fitted, ...] = (
     _field("body", "yaw_inertia_kgm2", 0.5, 2.0),
     _field("aero", "drag", 0.2, 5.0),
     _field("tyre", "rolling_resistance", 0.1, 8.0),
-    Fitted("drive_torque_nm", _largest_nm, _with_largest_nm, 0.2, 5.0),
-    Fitted("pedal_start", lambda car: 0.0, _with_pedal_start, -0.25, 0.25, scale=0.1),
-    Fitted("pedal_exponent", lambda car: 1.0, _with_pedal_exponent, 0.4, 2.5),
+    _torque("drive_torque_nm", 1.0, 0.2, 5.0),
+    _pedal("pedal_start", 0.0, lambda pedals, v: v + (1.0 - v) * pedals, -0.25, 0.25, scale=0.1),
+    _pedal("pedal_exponent", 1.0, lambda pedals, v: pedals**v, 0.4, 2.5),
     Fitted("motor_speed_factor", lambda car: 1.0, _with_motor_speeds, 0.3, 3.0, needs="motor"),
-    Fitted("released_torque_nm", _released_nm, _with_released_nm, 0.1, 5.0),
+    _torque("released_torque_nm", -1.0, 0.1, 5.0),
     _field("engine", "throttle_lag_s", 0.01, 0.8, scale=0.05, needs="engine"),
     _field("motor", "lag_s", 0.01, 0.8, scale=0.05, needs="motor"),
     _field("brakes", "pedal_mpa_per_n", 0.2, 5.0),

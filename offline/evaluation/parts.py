@@ -69,7 +69,7 @@ def parts_of(sets: Sequence[TestSet], schema: Schema) -> tuple[Part, ...]:
 
 
 def _slices(test: TestSet, schema: Schema) -> Iterator[Part]:
-    x, u, w, *_ = test.trajectories
+    x, u, w, _, _ = test.trajectories
     names = (schema.state_names, schema.input_names, schema.exogenous_names)
     signals = {
         name: array[..., i].astype(np.float64)

@@ -37,9 +37,6 @@ class Predictor(Protocol):
             U: inputs (batch, K, m), each held over one period.
             W: exogenous signals (batch, K, p), for the car the curvature of the road in 1/m, each
                 held over one period.
-
-        Raises:
-            DatasetError: the shapes are not those that the model was made for.
         """
         ...
 

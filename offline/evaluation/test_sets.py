@@ -48,8 +48,7 @@ NEW_CURVATURES_PER_M = (-1e-3, 1e-3, 3e-3)
 BEND_RADII_M = (8.0, 250.0)
 BENDS_SEED = 49
 
-DEFAULT_LEVELS = (1.0, 3.0)
-LARGEST_LEVEL = 100.0
+NOISE_LEVELS = (1.0, 3.0)
 NOISE_SEED = 48
 
 
@@ -134,21 +133,6 @@ def bends_sets(dataset: Dataset) -> list[TestSet]:
         if chosen.any():
             found.append(cut_set(dataset, f"{BENDS}-{side}", description, starts.take(chosen)))
     return found
-
-
-def choose_levels(levels: Sequence[float] | None) -> tuple[float, ...]:
-    """These levels in ascending order, each once; `DEFAULT_LEVELS` if there are none.
-
-    Raises:
-        ConfigError: a level is not a number between 0 and 100.
-    """
-    for level in levels or ():
-        if not 0.0 < level <= LARGEST_LEVEL:
-            raise ConfigError(
-                f"--noise: expected factors above 0 and up to {LARGEST_LEVEL:g}, 1 for a standard "
-                f"deviation of {STANDARD_DEVIATIONS['vx_mps']:g} m/s, found {level:g}."
-            )
-    return tuple(sorted(set(levels or DEFAULT_LEVELS)))
 
 
 def noisy_set(library: TestSet, level: float, schema: Schema, roles: Roles) -> TestSet | None:

@@ -5,7 +5,6 @@ File names, formats and times of the clock do not matter; values and steps of ti
 
 from collections.abc import Iterator, Sequence
 from hashlib import sha256
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,15 +17,6 @@ _CHANGES = 24
 """of a signal, from which on two drives are compared"""
 _TIME_TOLERANCE_S, _VALUE_TOLERANCE = 1e-3, 1e-5
 """for numbers that were written with other digits; the second is relative"""
-_FACTOR = 0x9E3779B97F4A7C15
-"""odd, so that it has an inverse modulo 2**64"""
-
-
-class _Common(NamedTuple):
-    """The place of equal changes of one signal in two drives."""
-
-    drives: tuple[int, int]
-    begins_s: tuple[float, float]
 
 
 def find_repeated(drives: Sequence[LoggedDrive], period_s: float) -> list[str]:
@@ -43,14 +33,14 @@ def find_repeated(drives: Sequence[LoggedDrive], period_s: float) -> list[str]:
             found[first, k] = "everywhere"
     copies = {k for _, k in found}
     for same in zip(*(drive.signals for drive in drives), strict=True):
-        for common in _common_changes(same):
-            if common.drives in found or copies & set(common.drives):
+        for pair, places_s in _common_changes(same):
+            if pair in found or copies & set(pair):
                 continue
-            one, other = (drives[k] for k in common.drives)
-            begins_s = _common_stretch(one, other, common.begins_s, shortest_s)
+            one, other = (drives[k] for k in pair)
+            begins_s = _common_stretch(one, other, places_s, shortest_s)
             if begins_s is not None:
                 places = f"{begins_s[1]:.4g} s on, there {begins_s[0]:.4g} s on"
-                found[common.drives] = f"among others from {places}"
+                found[pair] = f"among others from {places}"
     return [
         f"{drives[k].signals[0].column.path} has the same samples as {drives[first].name}, "
         f"{where}: a test on one of them is a test on training data. Leave one out, or the part "
@@ -59,42 +49,31 @@ def find_repeated(drives: Sequence[LoggedDrive], period_s: float) -> list[str]:
     ]
 
 
-def _common_changes(same: Sequence[LogSignal]) -> Iterator[_Common]:
-    """Places where a signal changes equally in two drives, for the same length of time."""
-    parts = [_changes(signal) for signal in same]
-    known = [k for k, part in enumerate(parts) if len(part[0])]
-    if len(known) < 2:
-        return
-    blocks = [parts[k][0][::_CHANGES] for k in known]
-    owner = np.repeat(known, [len(block) for block in blocks])
-    place = np.concatenate([_CHANGES * np.arange(len(block)) for block in blocks])
-    hashes, first = np.unique(np.concatenate(blocks), return_index=True)
-    for k in known:
-        own, begin_s, span_s = parts[k]
-        at = np.minimum(np.searchsorted(hashes, own), len(hashes) - 1)
-        for i in np.flatnonzero((hashes[at] == own) & (owner[first[at]] < k)):
-            other, j = int(owner[first[at[i]]]), int(place[first[at[i]]])
-            _, other_begin_s, other_span_s = parts[other]
-            if abs(span_s[i] - other_span_s[j]) <= 2.0 * _TIME_TOLERANCE_S:
-                yield _Common((other, k), (float(other_begin_s[j]), float(begin_s[i])))
+def _common_changes(
+    same: Sequence[LogSignal],
+) -> Iterator[tuple[tuple[int, int], tuple[float, float]]]:
+    """Numbers of two drives in which a signal changes equally, and the begin of that in each."""
+    known: dict[bytes, tuple[int, float, float]] = {}
+    for k, signal in enumerate(same):
+        codes, t_s = _changes(signal)
+        places = range(len(codes) - _CHANGES)
+        blocks = [codes[i : i + _CHANGES].tobytes() for i in places]
+        spans_s = t_s[_CHANGES:] - t_s[:-_CHANGES]
+        for i in places:
+            if blocks[i] in known:
+                other, begin_s, span_s = known[blocks[i]]
+                if abs(spans_s[i] - span_s) <= 2.0 * _TIME_TOLERANCE_S:
+                    yield (other, k), (begin_s, float(t_s[i]))
+        for i in places[::_CHANGES]:
+            known.setdefault(blocks[i], (k, float(t_s[i]), float(spans_s[i])))
 
 
-def _changes(signal: LogSignal) -> tuple[NDArray[np.uint64], Array, Array]:
-    """Hash (M,) of every `_CHANGES` successive changes of a signal, their begin and length in s."""
+def _changes(signal: LogSignal) -> tuple[NDArray[np.uint32], Array]:
+    """The values of a signal where it changes, rounded, and their times."""
     rounded = signal.values.astype(np.float32) + np.float32(0.0)  # no negative zero
-    codes = ((rounded.view(np.uint32).astype(np.uint64) + 8) >> 4).astype(np.uint64)
-    is_new = np.flatnonzero(np.diff(codes, prepend=codes[:1] + np.uint64(1)))
-    codes, t_s = codes[is_new], signal.t_s[is_new]
-    if len(codes) <= _CHANGES:
-        return np.zeros(0, np.uint64), np.zeros(0), np.zeros(0)
-    powers, inverses = (
-        np.cumprod(np.full(len(codes), factor, np.uint64), dtype=np.uint64)
-        for factor in (_FACTOR, pow(_FACTOR, -1, 2**64))
-    )
-    sums = np.concatenate([np.zeros(1, np.uint64), np.cumsum(codes * powers, dtype=np.uint64)])
-    count = len(codes) - _CHANGES
-    hashes = (sums[_CHANGES:-1] - sums[:count]) * inverses[:count]
-    return hashes, t_s[:count], t_s[_CHANGES:] - t_s[:count]
+    codes = (rounded.view(np.uint32).astype(np.uint64) + 8 >> 4).astype(np.uint32)
+    is_new = np.diff(codes, prepend=codes[:1] + np.uint32(1)) != 0
+    return codes[is_new], signal.t_s[is_new]
 
 
 def _common_stretch(

@@ -36,7 +36,7 @@ class Losses(NamedTuple, Generic[Scalar]):
     """the physical states' share of the multi-step error, which scaling latents cannot reduce"""
 
 
-LossFunction = Callable[[MdkNet, TrainingConfig, Batch, Tensor | None], Losses[Tensor]]
+LossFunction = Callable[[MdkNet, TrainingConfig, Batch], Losses[Tensor]]
 """the losses of a model on a batch; arguments as of `total_loss`, `total` is minimised"""
 
 
@@ -51,29 +51,17 @@ class Means(NamedTuple):
     """() as in `Losses`"""
 
 
-def total_loss(
-    model: MdkNet, config: TrainingConfig, batch: Batch, times: Tensor | None = None
-) -> Losses[Tensor]:
-    """Every term on one batch of scaled trajectories. Paper: eq. (13), eq:total loss.
-
-    `times` (M,) in 1..K, as from `draw_times`, limits the targets that are encoded; sums over time
-    are then unbiased estimates.
-    """
+def total_loss(model: MdkNet, config: TrainingConfig, batch: Batch) -> Losses[Tensor]:
+    """Every term on one batch of scaled trajectories. Paper: eq. (13), eq:total loss."""
     psi0 = first_lift(model, batch)
-    return loss_of_means(model, config, psi0, prediction_means(model, config, batch, psi0, times))
+    return loss_of_means(model, config, psi0, prediction_means(model, config, batch, psi0))
 
 
-def prediction_means(
-    model: MdkNet,
-    config: TrainingConfig,
-    batch: Batch,
-    psi0: Tensor,
-    times: Tensor | None = None,
-) -> Means:
-    """The means of one batch; psi0 (batch, n) is its `first_lift`, `times` as of `total_loss`."""
+def prediction_means(model: MdkNet, config: TrainingConfig, batch: Batch, psi0: Tensor) -> Means:
+    """The means of one batch; psi0 (batch, n) is its `first_lift`."""
     if config.objective == "horizon":
-        return _horizon_means(model, config, batch, psi0, times)
-    return _paper_means(model, config, batch, times)
+        return _horizon_means(model, config, batch, psi0)
+    return _paper_means(model, config, batch)
 
 
 def loss_of_means(
@@ -194,18 +182,6 @@ def horizon_of_step(step: int, config: TrainingConfig, longest: int) -> int:
     return min(longest, first + int((longest - first) * grown))
 
 
-def draw_times(steps: int, samples: int | None, rng: torch.Generator) -> Tensor | None:
-    """Target times in 1..K, (samples,), one from each of `samples` equal parts of the horizon.
-
-    Every time is drawn with the same mean frequency, samples / K. None: no limit, all of them.
-    """
-    if samples is None:
-        return None
-    parts = torch.arange(samples, dtype=torch.float64)
-    offsets = torch.rand(samples, generator=rng, dtype=torch.float64)
-    return ((parts + offsets) * (steps / samples)).long().clamp_(max=steps - 1) + 1
-
-
 def evaluate(
     model: MdkNet,
     config: TrainingConfig,
@@ -213,7 +189,7 @@ def evaluate(
     device: torch.device,
     loss: LossFunction = total_loss,
 ) -> Losses[float]:
-    """Losses over all trajectories, with every target encoded; each is rolled out once.
+    """Losses over all trajectories; each is rolled out once.
 
     The logarithm is that of the mean error of all chunks; another `loss` than `total_loss` is the
     mean of its values over the chunks, weighted by their trajectories.
@@ -232,7 +208,7 @@ def evaluate(
                 psi0 = first_lift(model, part)
                 values = prediction_means(model, config, part, psi0)
             else:
-                values = loss(model, config, part, None)
+                values = loss(model, config, part)
             sums = [s + share * v.cpu().double() for s, v in zip(sums, values, strict=True)]
         if loss is total_loss:
             # In evaluation the stability term does not depend on the lifted states.
@@ -242,26 +218,15 @@ def evaluate(
     return Losses(*map(float, sums))
 
 
-def _paper_means(
-    model: MdkNet, config: TrainingConfig, batch: Batch, times: Tensor | None
-) -> Means:
+def _paper_means(model: MdkNet, config: TrainingConfig, batch: Batch) -> Means:
     """Single-step loss, multi-step loss, and the states' share of the latter."""
     steps = batch.steps
     weights = forgetting_weights(steps, config.forgetting, config.through_last_step)
     weights = weights.to(batch.x.device)
-    if times is None:
-        psi = model.lift(batch.at(torch.arange(steps + 1, device=batch.x.device)))
-        psi0, psi_before, psi_after = psi[0], psi[:-1], psi[1:]
-        u, w = batch.u, batch.w
-        predicted = model.roll_out(psi0, u, w)
-    else:
-        m, times = len(times), times.to(batch.x.device)
-        psi = model.lift(batch.at(torch.cat([times.new_zeros(1), times - 1, times])))
-        psi0, psi_before, psi_after = psi[0], psi[1 : m + 1], psi[m + 1 :]
-        u, w = batch.u[times - 1], batch.w[times - 1]
-        predicted = model.roll_out(psi0, batch.u, batch.w)[times - 1]
-        weights = weights[times - 1] * (steps / m)
-    forcing = model.forcing(psi_before, u, w)
+    psi = model.lift(batch.at(torch.arange(steps + 1, device=batch.x.device)))
+    psi_before, psi_after = psi[:-1], psi[1:]
+    predicted = model.roll_out(psi[0], batch.u, batch.w)
+    forcing = model.forcing(psi_before, batch.u, batch.w)
     single_step = single_step_loss(psi_before, psi_after, model.operator().A, forcing)
     multi_step = multi_step_loss(psi_after, predicted, weights)
     with torch.no_grad():
@@ -270,18 +235,14 @@ def _paper_means(
     return Means(single_step, multi_step, states)
 
 
-def _horizon_means(
-    model: MdkNet, config: TrainingConfig, batch: Batch, psi0: Tensor, times: Tensor | None
-) -> Means:
+def _horizon_means(model: MdkNet, config: TrainingConfig, batch: Batch, psi0: Tensor) -> Means:
     """Single-step loss if it has a weight, errors of the states, and their mean."""
     errors = state_errors(model, batch, psi0)
     single_step = errors.new_zeros(())
     if config.weight_single_step:
-        if times is None:
-            times = torch.arange(1, batch.steps + 1)
-        times = times.to(batch.x.device)
+        times = torch.arange(1, batch.steps + 1, device=batch.x.device)
         before, after = model.lift(batch.at(times - 1)), model.lift(batch.at(times))
-        forcing = model.forcing(before, batch.u[times - 1], batch.w[times - 1])
+        forcing = model.forcing(before, batch.u, batch.w)
         weight = batch.weight[..., 0]
         single_step = single_step_loss(before, after, model.operator().A, forcing, weight)
     return Means(single_step, errors, errors.detach().mean())

@@ -24,7 +24,6 @@ from pydantic import TypeAdapter, ValidationError
 
 from offline.config import TrainingConfig
 from offline.data.signals import Roles, Scaling
-from offline.files import write_json
 from offline.model.encoder import MakeEncoder
 from offline.model.network import MdkNet
 from offline.model.observables import sizes_of
@@ -147,7 +146,8 @@ def training_lock(run: RunFolder) -> Iterator[None]:
 def rewrite_config(run: RunFolder, config: TrainingConfig) -> RunFolder:
     """The same run with another configuration, which replaces config.json."""
     run = replace(run, config=config)
-    write_json(run.path / CONFIG_FILE, _RUN.dump_python(run, mode="json", exclude={"path"}))
+    text = _RUN.dump_json(run, indent=2, exclude={"path"}).decode()
+    write_text(run.path / CONFIG_FILE, text + "\n")
     return run
 
 

@@ -68,17 +68,9 @@ class TrainingState:
         return self.model.A_rows.device
 
     @property
-    def learning_rate(self) -> float:
-        return self.optimizer.rate
-
-    @learning_rate.setter
-    def learning_rate(self, rate: float) -> None:
-        self.optimizer.rate = rate
-
-    @property
     def scheduled_rate(self) -> float:
         """The learning rate as it would be if the numbers had always been finite."""
-        return self.learning_rate / self.rate_share
+        return self.optimizer.rate / self.rate_share
 
     def count_step(self, losses: Losses[torch.Tensor], is_taken: bool) -> None:
         """Count a step, taken or skipped, with its losses."""
@@ -175,7 +167,7 @@ def recover(
         )
     state.restore(load_checkpoint(run.last))
     state.rate_share = rate_share
-    state.learning_rate *= 0.5
+    state.optimizer.rate *= 0.5
     cut_history(run, state.step)
     return True
 

@@ -11,7 +11,7 @@ from offline.data.dataset import Dataset
 from offline.data.manifest import PARTS
 from offline.data.sampling import open_source, validation_batch
 from offline.model.encoder import MakeEncoder
-from offline.model.losses import LossFunction, draw_times, evaluate, horizon_of_step, total_loss
+from offline.model.losses import LossFunction, evaluate, horizon_of_step, total_loss
 from offline.model.stability import spectral_radius
 from offline.training.initial import choose_scaling, take_weights
 from offline.training.optimizer import (
@@ -85,15 +85,14 @@ def train(
     while not is_over(state.step, state.scheduled_rate, config) and not stop_requested():
         if config.rate_schedule == "cosine":
             rate = cosine_rate(state.step, config.steps, config.learning_rate)
-            state.learning_rate = state.rate_share * rate
+            optimizer.rate = state.rate_share * rate
 
         # 4: select a batch.
         batch = source.draw(config.batch, state.rng).to(state.device)
         batch = batch.shorten(horizon_of_step(state.step, config, batch.steps))
-        times = draw_times(batch.steps, config.target_samples, state.rng)
 
         # 5, 6: encode, compute the loss and its gradient.
-        losses = loss(model, config, batch, times)
+        losses = loss(model, config, batch)
         optimizer.zero_grad()
         losses.total.backward()  # type: ignore[no-untyped-call]
         gradient_norm = clip_grad_norm_(model.parameters(), config.gradient_clip or math.inf)
@@ -121,7 +120,7 @@ def train(
                     "step": state.step - 1,
                     "train": state.take_mean_losses()._asdict(),
                     "validation": validation._asdict(),
-                    "learning_rate": state.learning_rate,
+                    "learning_rate": optimizer.rate,
                     "rate_share": state.rate_share,
                     "spectral_radius": state.spectral_radius,
                     "is_best": decision.is_best,
@@ -130,7 +129,7 @@ def train(
             )
             # 11, 12: lower the rate. 13, 14: keep the best model.
             if decision.lower_rate and config.rate_schedule == "plateau":
-                state.learning_rate *= 0.5
+                optimizer.rate *= 0.5
             checkpoint = state.to_checkpoint(config, scaling, dataset.sha256)
             if decision.is_best:
                 state.best_validation_loss = validation.total

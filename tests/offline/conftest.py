@@ -94,7 +94,7 @@ WITH_GAINS = {"history_steps": 3, "bilinear_rank": 2, "drift_rank": 1}
 @pytest.fixture(scope="session")
 def tiny_config() -> TrainingConfig:
     """The preset paper, reduced to the size of a test."""
-    return PRESETS["paper"].model_copy(update={**SMALL, "target_samples": 6})
+    return PRESETS["paper"].model_copy(update=SMALL)
 
 
 @pytest.fixture(scope="session")

@@ -89,4 +89,3 @@ def test_the_presets_of_the_paper_have_its_table_of_hyperparameters(preset):
     )
     assert alphas == (1.0, 0.5, 1.6, 1e-4)
     assert (paper.decay_encoder, paper.decay_operator) == (0.9, 0.5)
-    assert paper.target_samples is None

@@ -7,7 +7,7 @@ from torch import Tensor, nn
 from offline.config import PRESETS, TrainingConfig
 from offline.data.sampling import Batch, Instants
 from offline.data.signals import VEHICLE_ROLES
-from offline.model.losses import draw_times, forgetting_weights, regularisation_loss, total_loss
+from offline.model.losses import forgetting_weights, regularisation_loss, total_loss
 from offline.model.network import MdkNet
 from offline.model.observables import sizes_of
 from offline.model.rollout import roll_out
@@ -198,26 +198,6 @@ def test_forgetting_weights_sum_to_one_and_decay():
     assert weights.sum().item() == pytest.approx(1.0)
     assert weights[:29].sum().item() == pytest.approx(0.95, abs=0.01)
     assert forgetting_weights(80, 0.9, through_last_step=False)[-1] == 0.0
-
-
-@pytest.mark.parametrize("samples", [3])
-def test_every_target_time_is_drawn_equally_often(samples):
-    rng = torch.Generator().manual_seed(4)
-    drawn = torch.cat([draw_times(K, samples, rng) for _ in range(20_000 // samples)])
-    frequency = torch.bincount(drawn, minlength=K + 1)[1:] / len(drawn)
-    assert drawn.min() >= 1
-    assert drawn.max() <= K
-    assert torch.allclose(frequency, torch.full((K,), 1 / K), atol=0.01)
-
-
-def test_sampled_targets_estimate_the_full_sums_without_bias():
-    config = a_config("paper")
-    model, batch = a_model(config), a_batch()
-    full = total_loss(model, config, batch)
-    single = [total_loss(model, config, batch, torch.tensor([t])) for t in range(1, K + 1)]
-    for name in ("single_step", "multi_step", "states", "total"):
-        mean = torch.stack([getattr(losses, name) for losses in single]).mean()
-        assert torch.isclose(mean, getattr(full, name)), name
 
 
 @pytest.fixture

@@ -26,12 +26,6 @@ Names = Sequence[str]
 """names that one wanted column may have, the first one first"""
 
 
-BACKWARDS = (
-    "Split the log where time starts again, or choose one channel of the bus; if rows have the "
-    'time of the row before, repeated = "skip" in [time] leaves them out.'
-)
-
-
 @dataclass(frozen=True, slots=True)
 class LogColumn:
     """A column of a log with the time of each of its samples."""
@@ -82,7 +76,9 @@ class Log:
                 k = int(backwards[0]) + 1
                 raise DatasetError(
                     f"{each.place_of(k)}: expected time to increase, found {each.t_s[k]:.6f} s "
-                    f"after {each.t_s[k - 1]:.6f} s ({len(backwards)} such places). {BACKWARDS}"
+                    f"after {each.t_s[k - 1]:.6f} s ({len(backwards)} such places). Split the log "
+                    f"where time starts again, or choose one channel of the bus; if rows have the "
+                    f'time of the row before, repeated = "skip" in [time] leaves them out.'
                 )
 
     def column(self, *names: str, file: str | None = None) -> LogColumn:
@@ -152,8 +148,6 @@ class Request(NamedTuple):
             word: name of a row.
         """
         path, clock, begin_s = self.path, self.clock, None
-        self._require_rows(frame)
-        t_s = (clock.period_s or 0.0) * np.arange(len(frame), dtype=np.float64)
         if clock.column or clock.file:
             time, *columns = columns
             # Columns of different length in one table end in empty rows.
@@ -167,8 +161,15 @@ class Request(NamedTuple):
                 )
             if clock.repeated == "skip":
                 frame = frame[stamps != stamps.shift()]
-            self._require_rows(frame)
+        if len(frame) < 2:
+            raise DatasetError(
+                f"{path}: expected at least two rows of numbers, found {len(frame)}. Leave the "
+                f"file out."
+            )
+        if clock.column or clock.file:
             t_s, begin_s = _seconds(place, frame[time.text], time, clock)
+        else:
+            t_s = (clock.period_s or 0.0) * np.arange(len(frame), dtype=np.float64)
         rows = frame.index.to_numpy(np.int64)
         found = []
         for each in columns:
@@ -177,13 +178,6 @@ class Request(NamedTuple):
             found.append(LogColumn(each.name, t_s, values, rows, unit, path, word))
         begin_s = None if clock.starts_at_zero else begin_s
         return Log(path.name, tuple(found), len(frame), begin_s)
-
-    def _require_rows(self, frame: pd.DataFrame) -> None:
-        if len(frame) < 2:
-            raise DatasetError(
-                f"{self.path}: expected at least two rows of numbers, found {len(frame)}. Leave "
-                f"the file out."
-            )
 
 
 _BRACKETED = re.compile(r"(?P<name>.*\S)\s*[(\[{<](?P<unit>[^()\[\]{}<>]*)[)\]}>]")
@@ -261,12 +255,6 @@ def _seconds(place: str, stamps: pd.Series, column: Heading, clock: Clock) -> tu
         t_s = given.factor * elapsed.to_numpy(np.float64)
         begin_s = given.factor * float(first)
     steps = np.diff(t_s)
-    if np.any(steps <= 0.0):
-        k = int(np.argmax(steps <= 0.0)) + 1
-        raise DatasetError(
-            f"{place} {stamps.index[k]}: expected time to increase, found {stamps.iloc[k]} after "
-            f"{stamps.iloc[k - 1]} ({np.count_nonzero(steps <= 0.0)} such places). {BACKWARDS}"
-        )
     usual_s, period_s = float(np.median(steps)), clock.period_s
     if period_s is not None and abs(usual_s - period_s) > PERIOD_TOLERANCE * period_s:
         k = int(np.argmax(np.abs(steps - period_s) > PERIOD_TOLERANCE * period_s)) + 1

@@ -107,25 +107,6 @@ def test_models_are_interpolated_between_roads_and_constant_beyond_them():
     assert np.allclose(found[:, 2, 0], [1.0, 1.5, 2.0, 3.0, 3.0, 1.0])
 
 
-@pytest.mark.parametrize(
-    ("fit", "change", "words"),
-    [
-        (fit_linear, lambda x, past, u, w: (x[:, :2], past, u, w), r"expected x0 \(batch, 3\)"),
-        (fit_linear, lambda x, past, u, w: (x, past, u[:, :-1], w), "Predict on windows"),
-        (
-            lambda data: fit_scheduled(data, (2,), **FEW),
-            lambda x, past, u, w: (x, past[:, :1], u, w),
-            r"past \(batch, 2 or more, 3\)",
-        ),
-    ],
-)
-def test_windows_of_other_shapes_are_refused(fit, change, words):
-    made = drive(linear_step)
-    x, u, w, past = float_windows(made)
-    with pytest.raises(DatasetError, match=words):
-        fit(made).predict(*change(x[:, 0], past, u, w))
-
-
 def test_a_past_explains_a_late_input():
     data = drive(slower_inputs)
     test = data.select("test")

@@ -73,10 +73,8 @@ def test_a_varied_data_set_reports_what_was_drawn_and_is_found_again(command, tm
     varied = ("--recipe", "varied", "--episodes", 10, "--jobs", 1, "--data", "varied")
     out = command(data.main, *varied, "--json", "data.json")
     assert "friction 0.5 to 1" in out
-    assert "cg_ahead_m" in out
     made = json.loads((tmp_path / "data.json").read_text())
     assert made["recipe"]["friction"] == [0.5, 1.0]
-    assert set(made["conditions"]["bank_rad"]) == {"minimum", "mean", "maximum"}
     command(data.main, *varied, "--json", "again.json")
     again = json.loads((tmp_path / "again.json").read_text())
     assert {**made, "wall_s": 0.0} == {**again, "wall_s": 0.0}
@@ -276,7 +274,6 @@ NO_DATA = ("--data", "typo", "--episodes", 10)
 REFUSED = [
     (export.main, ("nowhere",), "offline-train"),
     (evaluate.main, ("--model", "nowhere"), "offline-export"),
-    (evaluate.main, ("--model", "lti", "--noise", "1", "0"), "--noise"),
     (evaluate.main, ("--model", "lti", "--sets", "holdout"), "--sets"),
     (evaluate.main, ("--model", "lti", "--baselines", "grue"), "--baselines.*grue"),
     (evaluate.main, ("--html", "."), "--html"),
@@ -306,7 +303,7 @@ REFUSED = [
     (data.main, ("--jobs", 0), "--jobs"),
     (data.main, ("--jobs", -2), "--jobs"),
     (data.main, ("--address", "127.0.0.1:8786"), "--address"),
-    (data.main, ("--largest-steer-deg", 20), "--largest-steer-deg: expected 40 to 300"),
+    (data.main, ("--largest-steer-deg", 20), "--largest-steer-deg"),
 ]
 
 

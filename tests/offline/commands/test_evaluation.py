@@ -21,6 +21,7 @@ from rt_controller.model.artifact import load_bundle, save_bundle, shipped_model
 from sim_bridge.scenario import load_scenario
 
 SHOWN = (ROBUSTNESS, "friction-0.5", "nominal", "mass-0.85")
+NOISY = ("noise-1", "noise-3")
 FEW = tuple(replace(each, episodes=3) for each in SIMULATED if each.name in SHOWN)
 
 
@@ -62,7 +63,7 @@ def test_a_set_is_left_out_for_a_model_trained_on_its_episodes(toy_dataset, bund
         training=describe_training({}, replace(others.origin, episodes=50)),
     )
     names = ("library", "new-roads", ROBUSTNESS)
-    tests = open_sets(names, toy_dataset, [trained], ())
+    tests = open_sets(names, toy_dataset, [trained])
     assert [test.name for test in tests] == ["library", "new-roads"]
     assert "without robustness" in capsys.readouterr().err
 
@@ -70,8 +71,8 @@ def test_a_set_is_left_out_for_a_model_trained_on_its_episodes(toy_dataset, bund
 def test_sets_of_the_simulated_car_are_left_out_for_other_data(toy_dataset, bundle_of, capsys):
     imported = Imported((), "", 40, 0)
     dataset = replace(toy_dataset, manifest=replace(toy_dataset.manifest, origin=imported))
-    tests = open_sets(SET_NAMES, dataset, [load_bundle(bundle_of("a"))], (2.0,))
-    assert [test.name for test in tests] == ["library", "new-roads", "bends-left", "noise-2"]
+    tests = open_sets(SET_NAMES, dataset, [load_bundle(bundle_of("a"))])
+    assert [test.name for test in tests] == ["library", "new-roads", "bends-left", *NOISY]
     found = capsys.readouterr().err
     left_out = "robustness, friction, mass, braking"
     assert f"without {left_out}: the data are not" in found

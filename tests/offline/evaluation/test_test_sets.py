@@ -14,23 +14,18 @@ from offline.evaluation import simulated_sets
 from offline.evaluation.lane_change import WINDOWS, drive_lane_change
 from offline.evaluation.parts import parts_of, whole_part
 from offline.evaluation.simulated_sets import (
-    BY_FRICTION,
-    BY_MASS_FACTOR,
-    NOMINAL,
     SIMULATED,
     open_simulated_set,
     straight_braking_set,
 )
 from offline.evaluation.test_sets import (
-    DEFAULT_LEVELS,
     ROBUSTNESS,
     bends_sets,
-    choose_levels,
     library_set,
     new_roads_set,
     noisy_set,
 )
-from rt_controller.contract.errors import ConfigError, DatasetError
+from rt_controller.contract.errors import DatasetError
 from rt_controller.contract.limits import INPUT_LIMITS
 from rt_controller.contract.signals import VEHICLE, InputColumn, Schema, Signal
 from rt_controller.contract.timing import PERIOD_S
@@ -140,8 +135,8 @@ def test_no_preset_trains_with_the_seeds_of_these_sets():
 
 
 def test_the_same_drivers_drive_on_every_friction_and_with_every_mass():
-    nominal = open_simulated_set(replace(NOMINAL, episodes=2))[1].trajectories
-    for which in (BY_FRICTION[1.0], BY_MASS_FACTOR[1.15]):
+    nominal = open_simulated_set(replace(BY_NAME["nominal"], episodes=2))[1].trajectories
+    for which in (BY_NAME["friction-1"], BY_NAME["mass-1.15"]):
         other = open_simulated_set(replace(which, episodes=2))[1].trajectories
         assert np.array_equal(other.u, nominal.u)
         assert not np.allclose(other.x[:, -1, :3], nominal.x[:, -1, :3], atol=1e-3)
@@ -266,14 +261,6 @@ def test_the_noise_of_first_state_and_past_has_the_stated_standard_deviations():
     for name in set(HEARD) & set(VEHICLE.input_names):
         assert np.all((three.past - clean.past)[..., HEARD.index(name)] == 0.0)
     assert np.allclose((three.x - clean.x)[:, 0], 3.0 * at_start, atol=1e-6)
-
-
-def test_levels_are_sorted_positive_and_finite_and_each_is_used_once():
-    assert choose_levels([3.0, 0.5, 3.0]) == (0.5, 3.0)
-    assert choose_levels(None) == choose_levels([]) == DEFAULT_LEVELS
-    for level in (0.0, -1.0, 1e3, float("nan"), float("inf")):
-        with pytest.raises(ConfigError, match="--noise"):
-            choose_levels([1.0, level])
 
 
 def test_data_without_a_test_part_are_refused_and_few_of_each_curvature_can_be_taken(toy_dataset):

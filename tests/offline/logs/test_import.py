@@ -17,7 +17,7 @@ from made_logs import (
     write_csv,
 )
 
-from offline.commands.log_import import import_logs
+from offline.commands.import_logs import import_logs
 from offline.data.dataset import load_dataset
 from offline.data.manifest import Imported, read_manifest
 from rt_controller.contract.errors import ConfigError, DatasetError

@@ -138,9 +138,9 @@ def test_a_column_may_have_other_names(csv):
         (
             "t,v\n0,1\n2,2\n1,3\n",
             {},
-            "column t, line 4: expected time to increase, found 1",
+            "column v, line 4: expected time to increase, found 1",
         ),
-        ("t,v\n0,1\n0,2\n", {}, "column t, line 3: expected time to increase"),
+        ("t,v\n0,1\n0,2\n", {}, "column v, line 3: expected time to increase"),
         ("t,v\n0,1\n,2\n", {}, "column t, line 3: expected a time, found none"),
         ("t,v\n0,1\n", {}, "at least two rows"),
         ("", {}, "a header in line 1"),

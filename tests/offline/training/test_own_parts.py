@@ -32,7 +32,7 @@ class Sines(nn.Module):
         return self.last(torch.sin(self.first(inputs)))
 
 
-def lateral_error(model, config, batch, times):
+def lateral_error(model, config, batch):
     """Mean squared error of e_y alone."""
     error = state_errors(model, batch)[4]
     zero = error.new_zeros(())

@@ -145,7 +145,7 @@ def test_a_run_goes_on_from_its_last_evaluation_with_half_the_rate(
         toy_dataset,
         run,
         resume_from=poisoned,
-        on_progress=lambda state: rates.append((state.rate_share, state.learning_rate)),
+        on_progress=lambda state: rates.append((state.rate_share, state.optimizer.rate)),
     )
     assert result.is_finished
     lines = history(run)
@@ -197,7 +197,7 @@ def test_a_run_evaluates_after_the_first_step_then_periodically_and_at_the_end(
 def test_the_seed_determines_history_and_model(config, finished, toy_dataset, new_run):
     again, other = new_run(config), new_run(config)
     rates = []
-    hear = {"on_progress": lambda state: rates.append(state.learning_rate)}
+    hear = {"on_progress": lambda state: rates.append(state.optimizer.rate)}
     train(config, toy_dataset, again, **hear)
     train(config.model_copy(update={"seed": 1}), toy_dataset, other)
     assert again.history.read_bytes() == finished.history.read_bytes()
