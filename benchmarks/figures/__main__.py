@@ -57,7 +57,7 @@ def main(
         json: also write the results there.
     """
     require_writable(json)
-    console = Console(stderr=True)
+    console = Console(stderr=True, soft_wrap=True)
     results = Results(root / "docs" / "figures.json")
     for file in () if check else imports:
         piece, part = read_import(file)

@@ -314,7 +314,7 @@ def test_help_and_version_import_neither_python_can_nor_numpy(module):
         ("rt_controller.cli.main", "replay --help", "--mcap", "All options:"),
         ("sim_bridge.cli.main", "--help", "--signals", "--friction-right"),
         ("offline.commands.train.main", "--help", "--steps", "--bilinear-rank"),
-        ("offline.commands.evaluate.main", "--help", "--noise", "All options:"),
+        ("offline.commands.evaluate.main", "--help", "--baselines", "All options:"),
     ],
 )
 def test_help_shows_the_main_options_and_help_all_every_one_in_groups(
