@@ -12,7 +12,6 @@ import numpy as np
 from rt_controller.contract.arrays import Array
 from rt_controller.drive.plan_view import Line, PlanView, outline, plan_view, readings
 from rt_controller.drive.table import Drive
-from rt_controller.report.canvas import STRONG
 
 DIGITS = 2
 """of places in m: 1 cm"""
@@ -30,6 +29,8 @@ def play(drives: Mapping[str, Drive]) -> Player:
 
     It begins where the first safe stop does, else where the lateral error is largest.
     """
+    from rt_controller.report.canvas import STRONG  # matplotlib, which tables do without
+
     views = [plan_view(drive) for drive in drives.values()]
     content = {
         "lines": {kind: _path_data(line) for kind, line in views[0].lines.items()},

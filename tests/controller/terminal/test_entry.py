@@ -76,6 +76,7 @@ def test_ctrl_c_ends_an_import_and_the_work_after_it_which_cleans_up(text, tmp_p
 @pytest.mark.parametrize("delay_s", [0.6, 1.2, 2.5])
 def test_ctrl_c_at_a_terminal_ends_the_data_generation_with_its_processes(delay_s, tmp_path):
     """While it imports, while its workers start, and while they work; all get the signal."""
+    pytest.importorskip("torch")
     script = f"{LISTENING}from offline.entry import data_main; data_main()"
     process = subprocess.Popen(
         [sys.executable, "-c", script, "--jobs", "2", "--data", str(tmp_path / "set")],
