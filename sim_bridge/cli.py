@@ -145,7 +145,7 @@ def _end(
 
     summary, figures = bridge.summary(), bridge.figures()
     if summary.ticks > 0 or is_stopped:
-        Console().print(summary.text(is_stopped), highlight=False, soft_wrap=True)
+        Console(emoji=False).print(summary.text(is_stopped), highlight=False, soft_wrap=True)
     if figures:
         facts = (Fact(figure.name, figure.text) for figure in figures)
         print_table(facts_table(facts, "figures of the scenario"), Console())
@@ -194,7 +194,7 @@ def validate(
     require_writable(json_file)
     with announce("driving"):
         results = drive_all(car)
-    console = Console()
+    console = Console(emoji=False)
     print_table(acceptance_table(results), console)
     write_figures(json_file, [line._asdict() for line in results])
     console.print(count_sentence(results))

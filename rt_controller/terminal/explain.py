@@ -64,7 +64,7 @@ def explain_at_terminal(
         drive = read_recorded_drive(log)
         with closing(Replay(drive, model)) as replay:
             page = _explain(drive, replay, _begin_of_stop(drive) if number is None else number)
-    Console().print(page["sentence"], highlight=False, markup=False, soft_wrap=True)
+    Console(emoji=False).print(page["sentence"], highlight=False, markup=False, soft_wrap=True)
     for table in _tables(page):
         print_table(table, Console())
     write_figures(json_file, page)
