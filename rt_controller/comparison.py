@@ -28,7 +28,8 @@ from rt_controller.loop import Ending
 from rt_controller.model.bundle import Bundle
 from rt_controller.node import build_planner
 from rt_controller.realtime.timing import DeadlineAccount
-from rt_controller.report.comparison_page import ComparedFigures
+from rt_controller.report.comparison_page import ComparedFigures, comparison_table
+from rt_controller.report.table import to_html
 from rt_controller.settings import CarSettings
 from rt_controller.simulation import drive_in_lockstep
 
@@ -141,7 +142,24 @@ class Comparison:
         """Overlay of the first scenario's drives: from above, errors and steering over time."""
         from rt_controller.report.overlay import overlay
 
-        return overlay(self.first_drives(self.scenarios[0]))
+        drives = self.first_drives(self.scenarios[0])
+        if not drives:
+            raise ConfigError(
+                f"{self.scenarios[0]}: expected a drive to draw, found that each one failed. Its "
+                f"rows say why."
+            )
+        return overlay(drives)
+
+    def _repr_html_(self) -> str:
+        """The comparison in a notebook: its table, and the overlay, if matplotlib is installed."""
+        seeds = max(row.seed for row in self.rows)
+        table = to_html(comparison_table(self.by_scenario(), seeds))
+        try:
+            from rt_controller.report.canvas import to_svg
+
+            return table + to_svg(self.plot())
+        except (ModuleNotFoundError, ConfigError):
+            return table
 
     def __repr__(self) -> str:
         return (

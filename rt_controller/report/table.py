@@ -7,6 +7,7 @@ not from the rounded texts of a table.
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from html import escape
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -180,6 +181,21 @@ def to_rich(table: Table) -> RichTable:
             shown.add_section()
             shown.add_row(_lines(row[0]), style="bold")
     return shown
+
+
+def to_html(table: Table) -> str:
+    """Heads, rows and footnotes as an HTML table, for a notebook."""
+
+    def line(cells: Iterable[str], tag: str) -> str:
+        return "<tr>" + "".join(f"<{tag}>{escape(cell)}</{tag}>" for cell in cells) + "</tr>"
+
+    heads = [", ".join(filter(None, (column.title, column.unit))) for column in table.columns]
+    rows = [
+        line((_lines(cell).plain for cell in row), "th" if len(row) == 1 else "td")
+        for row in table.rows
+    ]
+    notes = "".join(f"<p>{escape(note)}</p>" for note in table.footnotes)
+    return f"<table>{line(heads, 'th')}{''.join(rows)}</table>{notes}"
 
 
 def to_markdown(table: Table) -> str:

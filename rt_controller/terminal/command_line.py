@@ -174,7 +174,7 @@ def _stray_word(error: CycloptsError, app: App, arguments: Sequence[str]) -> str
 def _explain_usage(error: CycloptsError, app: App, arguments: Sequence[str]) -> str:
     refused = error.__cause__
     if refused is not None and hasattr(refused, "errors"):
-        written = "" if error.argument is None else error.argument.name
+        written = "" if error.argument is None else error.argument.name.replace("*", "")
 
         def name_of(place: Location) -> str:
             """A field of a table of options, or an option of its own, or a part of that."""

@@ -69,12 +69,12 @@ def compare_at_terminal(
     console.print(headline(compared), highlight=False, markup=False, soft_wrap=True)
     print_table(comparison_table(compared, seeds), console)
     write_figures(json_file, comparison_figures(comparison, car))
-    if plot is not None:
-        write_figure(plot, comparison.plot())
     if html is not None:
         drives = {name: comparison.first_drives(name) for name in comparison.scenarios}
         page = comparison_page(compared, seeds, drives, _conditions(car))
         show(save_page(page, html, "--html"), is_quiet)
+    if plot is not None:
+        write_figure(plot, comparison.plot())
     return EXIT_SAFE_STOP if all(row.failure for row in comparison.rows) else 0
 
 

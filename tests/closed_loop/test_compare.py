@@ -70,6 +70,14 @@ def test_a_law_that_fails_ends_its_own_drives_only(comparison):
     assert set(comparison.first_drives("straight")) == {"lti", "stanley"}
 
 
+def test_a_comparison_shows_itself_in_a_notebook(comparison):
+    pytest.importorskip("matplotlib")
+    shown = comparison._repr_html_()
+    assert shown.count("<tr>") == 1 + 2 * (1 + 3)  # heads, then each scenario with three rows
+    assert "<svg" in shown
+    assert "ZeroDivisionError: no lookahead" in shown
+
+
 def test_seeds_are_other_noise_of_the_sensors():
     rows = compare(["stanley"], SHORT[:1], seeds=2, backend=ONE).rows
     assert [row.seed for row in rows] == [1, 2]
