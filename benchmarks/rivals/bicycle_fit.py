@@ -1,4 +1,4 @@
-"""`python -m benchmarks.rivals.bicycle_fit`: fit the bicycle to 54 s of driving."""
+"""`python -m benchmarks.rivals.bicycle_fit`: fit the bicycle to 72 s of driving."""
 
 from typing import Any
 

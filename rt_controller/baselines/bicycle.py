@@ -1,4 +1,4 @@
-"""A single-track car with tyres that saturate, fitted to 54 s of driving.
+"""A single-track car with tyres that saturate, fitted to 72 s of driving.
 
 `python -m benchmarks.rivals.bicycle_fit` drives, fits and writes `bicycle.json`. The equations are
 of Rajamani, *Vehicle Dynamics and Control* (2012), chapter 2 (motion along a road); the side force
