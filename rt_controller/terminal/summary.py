@@ -99,6 +99,7 @@ def record_to_json(record: RunRecord) -> dict[str, Any]:
         else {**deadlines.worst._asdict(), "cause": deadlines.worst.cause.name},
         **{field: deadlines.percentiles(field)._asdict() for field in TickTimes._fields},
         "ticks_by_fault": {fault.name: n for fault, n in record.ticks_by_fault.items() if n},
+        "first_s_by_fault": {fault.name: s for fault, s in record.first_s_by_fault.items()},
         "outside_training": record.excess and record.excess.text,
     }
 
@@ -133,7 +134,7 @@ def verdict(record: RunRecord, car: LateralError | None = None, braking: str = "
     if record.ending is Ending.STOPPED:
         text += "; it was stopped on request"
     elif speed_mps is not None and speed_mps > STANDING_MPS:
-        text += f"; it was released at {speed_mps * 3.6:.0f} km/h"
+        text += f"; the drive ended at {speed_mps * 3.6:.0f} km/h, as if a driver took over"
     return f"{text}; {explain_braking(braking)}." if braking else f"{text}."
 
 
@@ -146,12 +147,15 @@ def _outside(record: RunRecord) -> str:
 
 
 def fault_sentences(record: RunRecord) -> list[str]:
-    """A sentence for each fault that occurred, with the number of its ticks."""
-    return [
-        f"{FAULT_SENTENCES[fault]} ({fault.name}, {n} tick{'s' if n > 1 else ''})"
+    """A sentence for each fault that occurred, with its ticks and the time of the first one."""
+    times = {
+        fault: f"{n} ticks, first at {record.first_s_by_fault[fault]:.3f} s"
+        if n > 1
+        else f"1 tick, at {record.first_s_by_fault[fault]:.3f} s"
         for fault, n in record.ticks_by_fault.items()
         if n
-    ]
+    }
+    return [f"{FAULT_SENTENCES[fault]} ({fault.name}, {when})" for fault, when in times.items()]
 
 
 def explain_end_at_once(speed_mps: float | None) -> str:
