@@ -86,7 +86,7 @@ def rms_table(comparison: Comparison, with_intervals: bool = False) -> Table:
     return _library_table(
         comparison,
         f"RMS error over {_steps(comparison)} steps",
-        [*states, Column("MSE ratio")],
+        [*states, Column("MSE", "ratio")],
         comparison.names,
         cells,
         [f"{note} In brackets: {INTERVAL}" if with_intervals else note],
@@ -125,7 +125,7 @@ def parts_table(comparison: Comparison, parts: Sequence[Part], is_whole: bool = 
     if comparison.linear:
         columns += [Column("best linear", is_text=True), Column("MSE ratio")]
         columns += [Column("smallest", "of a state")] if is_whole else []
-    columns += [*(Column(name, "MSE ratio") for name in others), Column("own MSE", "/ library")]
+    columns += [*(Column(name, "MSE ratio") for name in others), Column("own MSE", "ratio")]
     symbols = {state.name: state.symbol for state in comparison.states}
     lines, n = list[Row](), len(comparison.states)
     for part in parts:
@@ -141,7 +141,7 @@ def parts_table(comparison: Comparison, parts: Sequence[Part], is_whole: bool = 
         lines.append((*cells, format_number(own.over_library, 3)))
     notes = (
         f"{_ratio_note(comparison)} In brackets: {INTERVAL}",
-        f"Last column: MSE of {reference} over its own on the library, geometric mean.",
+        f"Own MSE ratio: MSE of {reference} over its own on the library, geometric mean.",
     )
     return Table(f"Errors of {reference} on each part", tuple(columns), tuple(lines), notes)
 

@@ -53,7 +53,7 @@ def test_long_text_wraps_inside_the_terminal():
 
 
 @pytest.mark.parametrize(
-    ("is_terminal", "lines"), [(True, ["at 80", "km/h [x]."]), (False, ["at 80 km/h [x]."])]
+    ("is_terminal", "lines"), [(True, ["at 80 km/h", "[x]."]), (False, ["at 80 km/h [x]."])]
 )
 def test_sentences_wrap_at_spaces_on_a_terminal_only(is_terminal, lines):
     file = StringIO()
