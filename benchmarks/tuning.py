@@ -21,7 +21,7 @@ from rt_controller import ControllerConfig, Drive, simulate
 from rt_controller.baselines.bicycle_mpc import BicycleMpc, settings_of
 from rt_controller.baselines.stanley import Gains, Stanley
 from rt_controller.baselines.tuned import tuned_values
-from rt_controller.contract.errors import ConfigError
+from rt_controller.contract.errors import ConfigError, ControlLawError
 from rt_controller.contract.figures import require_writable, write_figures
 from rt_controller.controllers import BASELINES
 from rt_controller.drive.comfort import wheel_rate_rms_degps
@@ -116,7 +116,10 @@ def main(
         if trial.number:
             best = study.best_value
         for step, scenario in enumerate(SEARCH):
-            cost = cost_of(drive(scenario), scenario)
+            try:
+                cost = cost_of(drive(scenario), scenario)
+            except ControlLawError:
+                cost = WORST
             total += cost
             trial.set_user_attr(scenario.name, cost)
             trial.report(total, step)

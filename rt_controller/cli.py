@@ -2,7 +2,7 @@
 
 import os
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 # numpy's linear algebra would share long horizons out to threads of its own, and the loop would
 # wait for those at their rank. It reads this when numpy is imported: before everything below.
@@ -15,7 +15,6 @@ from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.timing import LONGEST_S
 from rt_controller.terminal.command_line import new_app, run_command
 from rt_controller.terminal.options import RunOptions, read_config_file
-from sim_bridge.campaign import THIS_MACHINE, Backend
 
 _Bitrate = Annotated[int, Field(gt=0)]
 
@@ -228,7 +227,9 @@ def compare(
     car: str | None = None,
     friction: float | None = None,
     faults: Path | None = None,
-    backend: Backend = THIS_MACHINE,
+    backend: Literal["loky", "dask", "ray"] = "loky",
+    address: str | None = None,
+    jobs: int = -1,
     html: Path | None = None,
     plot: Path | None = None,
     results: Path | None = None,
@@ -238,7 +239,8 @@ def compare(
     """Drive the same scenarios with several controllers, in simulated time, on all cores.
 
     One table has lateral error, speed error, rate of the wheel, jerk and time of a step.
-    Needs the extra compare.
+    Needs the extra compare. A drive that failed or was stopped is named below the table;
+    exit code 6 if there is no other.
 
     Parameters
     ----------
@@ -257,6 +259,12 @@ def compare(
         of the road; default: the scenario's
     faults
         faults of bus and actuators, a .toml file
+    backend
+        where the drives run: processes of this machine, a Dask or a Ray cluster
+    address
+        HOST:PORT of the cluster; default: a new one on this machine
+    jobs
+        processes; -1 is one per core
     html
         write this page: the table, and an overlay of the drives of each scenario
     plot
@@ -268,16 +276,18 @@ def compare(
     quiet
         no progress on stderr
     """
-    from rt_controller.settings import CarSettings
+    from rt_controller.simulation import car_settings_of
     from rt_controller.terminal.compare import compare_at_terminal
 
-    conditions = CarSettings(plant=plant, car=car, friction=friction, faults=faults)
+    conditions = car_settings_of(plant=plant, car=car, friction=friction, faults=faults)
     return compare_at_terminal(
         controllers,
         scenario,
         seeds,
         conditions,
         backend,
+        address,
+        jobs,
         html,
         plot,
         results,

@@ -1,6 +1,5 @@
 """Controllers compared: the same scenarios with each, in simulated time, on all cores."""
 
-import base64
 from collections.abc import Callable, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass, replace
@@ -13,17 +12,19 @@ import numpy as np
 from rt_controller.config import ControllerConfig, require_config
 from rt_controller.contract.errors import (
     ConfigError,
-    ControlLawError,
-    PlantError,
+    RtControllerError,
     needs_extra,
     require_packages,
 )
 from rt_controller.contract.faults import StopCause
+from rt_controller.contract.figures import require_writable
+from rt_controller.contract.revision import source_revision
 from rt_controller.control.law import ControlLaw
-from rt_controller.controllers import BASELINES, law_file, open_law, require_law
+from rt_controller.controllers import BASELINES, law_digest, require_law
 from rt_controller.drive.archive import pack_drive, unpack_drive
 from rt_controller.drive.comfort import jerk_of, wheel_rate_rms_degps
 from rt_controller.drive.table import Drive
+from rt_controller.loop import Ending
 from rt_controller.model.bundle import Bundle
 from rt_controller.node import build_planner
 from rt_controller.realtime.timing import DeadlineAccount
@@ -39,9 +40,12 @@ if TYPE_CHECKING:
 
 FIGURES = (
     *("ey_rms_m", "ey_peak_m", "speed_rms_mps", "speed_peak_mps", "wheel_rate_rms_degps"),
-    *("lateral_jerk_rms_mps3", "jerk_rms_mps3", "step_p50_us", "step_p99_us"),
+    *("lateral_jerk_rms_mps3", "jerk_rms_mps3", "step_p50_us", "work_p50_us"),
 )
 """fields of `ComparedDrive` that are compared; smaller is better"""
+FORMAT = 1
+"""of the file of results"""
+REGULAR = (Ending.MISSION_OVER.value, Ending.STOPPED.value)
 TRUE_FIGURES = ("ey_rms_m", "ey_peak_m", "speed_rms_mps", "speed_peak_mps")
 """measured at the car, not on the bus"""
 
@@ -67,8 +71,8 @@ class ComparedDrive(NamedTuple):
     step_p50_us: float = nan
     """time of the processor from frames in to frames out"""
     step_p99_us: float = nan
-    preparation_p50_us: float = nan
-    """work in the period before the step"""
+    work_p50_us: float = nan
+    """the step, and the preparation before it"""
     stop_s: float | None = None
     """time at which a safe stop began"""
     failure: str = ""
@@ -147,8 +151,8 @@ class Comparison:
 
 
 def compare(
-    controllers: "Sequence[str | ControlLaw]",
-    scenarios: "Sequence[str | Path | Scenario] | str | Path" = ("double_lane_change",),
+    controllers: "str | ControlLaw | Sequence[str | ControlLaw]",
+    scenarios: "str | Path | Scenario | Sequence[str | Path | Scenario]" = "double_lane_change",
     *,
     seeds: int = 0,
     car: CarSettings | None = None,
@@ -162,49 +166,58 @@ def compare(
         comparison = compare(["mdk-net", "stanley", PurePursuit()], ["slalom", "corner"])
         comparison.plot().savefig("overlay.svg")
 
+    A drive that fails is a row with its `failure`.
+
     Args:
-        controllers: at least one, each as `controller` of `simulate`.
-        scenarios: each as of `simulate`.
+        controllers: one or several, each as `controller` of `simulate`.
+        scenarios: one or several, each as of `simulate`.
         seeds: drives of each scenario with noise of the sensors, each with another seed; 0: one
             drive without noise.
         car: plant, parameters, friction, delays and faults of all drives.
         config: settings of the controllers.
         backend: where the drives run; default: one process per core.
         results: file that keeps every finished drive. The same call goes on after an interruption,
-            and drives again only with a controller or scenario that has changed. For controllers
-            that have a name.
+            and drives again only where the program, or anything that the drive depends on, has
+            changed. For controllers that have a name.
         on_progress: is called after each drive, in any order.
 
     Raises:
-        ConfigError: an argument is refused; all are checked before the first drive.
+        ConfigError: controllers, scenarios or results are refused, before the first drive.
         MissingExtraError: joblib is not installed.
     """
     require_packages("compare", ("joblib",), "compare")
-    from sim_bridge.campaign import THIS_MACHINE, run_campaign
+    from sim_bridge.campaign import THIS_MACHINE, object_digest, run_campaign
 
+    if seeds < 0:
+        raise ConfigError(f"seeds: expected 0 or more, found {seeds}.")
+    file = None if results is None else Path(results)
+    require_writable(file, "results")
     settings, conditions = require_config(config), car or CarSettings()
-    entrants = _open_all(controllers, results is not None)
-    courses = _load_all(scenarios)
+    compared = _open_controllers(controllers, settings, results is not None)
+    named = _load_scenarios(scenarios)
     tasks = {
-        (name, course, seed): (entrant, scenario, seed, conditions, settings)
-        for course, scenario in courses.items()
-        for name, entrant in entrants.items()
+        (name, course, seed): (compared[name], scenario, seed, conditions, settings)
+        for course, scenario in named.items()
+        for name in compared
         for seed in (range(1, seeds + 1) if seeds else (0,))
     }
-    keys = {f"{names}: {_digest(*task)}": names for names, task in tasks.items()}
+    digests = {name: _digest(each, conditions, settings) for name, each in compared.items()}
+    keys = {
+        f"{names}: {object_digest((digests[names[0]], named[names[1]]))}": names for names in tasks
+    }
     found: dict[tuple[str, str, int], tuple[ComparedDrive, Drive | None]] = {}
     campaign = run_campaign(
         _drive,
         [(key, (names, *tasks[names])) for key, names in keys.items()],
         backend or THIS_MACHINE,
-        None if results is None else Path(results),
+        file,
+        {"format": FORMAT},
     )
     for key, (figures, packed) in campaign:
         if key not in keys:  # of an earlier version of a controller
             continue
         row = ComparedDrive(**figures)
-        drive = packed and unpack_drive(base64.b64decode(packed), str(results))
-        found[keys[key]] = row, drive
+        found[keys[key]] = row, packed and unpack_drive(packed, str(results))
         on_progress(row)
     return Comparison(
         tuple(found[names][0] for names in tasks),
@@ -212,23 +225,30 @@ def compare(
     )
 
 
-def _open_all(
-    controllers: "Sequence[str | ControlLaw]", needs_names: bool
+def _open_controllers(
+    controllers: "str | ControlLaw | Sequence[str | ControlLaw]",
+    settings: ControllerConfig,
+    needs_names: bool,
 ) -> dict[str, str | ControlLaw]:
-    """The controllers by a short name, each opened once, so that a wrong one is refused at once."""
+    """The controllers by name, each built once, so that a wrong one is refused at once."""
+    is_one = isinstance(controllers, str | type) or hasattr(controllers, "control")
+    listed: Any = [controllers] if is_one else controllers
+    if not listed:
+        raise ConfigError(
+            f"controllers: expected at least one, such as mdk-net, {', '.join(BASELINES)}."
+        )
+    short = [
+        each.rpartition(":")[2] if isinstance(each, str) else type(each).__name__ for each in listed
+    ]
     found: dict[str, str | ControlLaw] = {}
-    for each in controllers:
+    for each, name in zip(listed, short, strict=True):
         if isinstance(each, str):
-            config = ControllerConfig(controller=each)
-            if config.controller is None:
-                Bundle.load(config.model)
-            else:
-                open_law(each)
-            name = each.rpartition(":")[2]
-            name = each if name in found else name
+            chosen = _config(settings, each)
+            build_planner(Bundle.load(chosen.model), chosen)
+            if short.count(name) > 1:
+                name = each  # noqa: PLW2901 - the short one is that of two
         else:
             require_law(each)
-            name = type(each).__name__
             if needs_names:
                 raise ConfigError(
                     f"results: expected controllers by name, found the object {name}. Name it as "
@@ -237,77 +257,76 @@ def _open_all(
         if name in found:
             raise ConfigError(f"controllers: expected different ones, found {name} twice.")
         found[name] = each
-    if not found:
-        raise ConfigError(
-            f"controllers: expected at least one, such as mdk-net, {', '.join(BASELINES)}."
-        )
     return found
 
 
-def _load_all(scenarios: "Sequence[str | Path | Scenario] | str | Path") -> "dict[str, Scenario]":
-    """The scenarios by name: that of the file, of an object its own."""
+def _load_scenarios(
+    scenarios: "str | Path | Scenario | Sequence[str | Path | Scenario]",
+) -> "dict[str, Scenario]":
+    """The scenarios by the name of their file, an object by its own."""
     from sim_bridge.scenario import Scenario, load_scenario
 
-    found: dict[str, Scenario] = {}
-    for each in [scenarios] if isinstance(scenarios, str | Path) else scenarios:
-        if isinstance(each, Scenario):
-            name, scenario = each.name, each
-        else:
-            name, scenario = Path(each).stem, load_scenario(str(each))
-        if name in found:
-            raise ConfigError(f"scenarios: expected different ones, found {name} twice.")
-        found[name] = scenario
-    if not found:
+    listed: Any = [scenarios] if isinstance(scenarios, str | Path | Scenario) else scenarios
+    if not listed:
         raise ConfigError("scenarios: expected at least one, such as double_lane_change.")
+    short = [each.name if isinstance(each, Scenario) else Path(each).stem for each in listed]
+    found: dict[str, Scenario] = {}
+    for each, name in zip(listed, short, strict=True):
+        is_loaded = isinstance(each, Scenario)
+        unique = name if is_loaded or short.count(name) == 1 else str(each)
+        if unique in found:
+            raise ConfigError(f"scenarios: expected different ones, found {unique} twice.")
+        found[unique] = each if is_loaded else load_scenario(str(each))
     return found
 
 
 def _digest(
-    entrant: str | ControlLaw,
-    scenario: "Scenario",
-    seed: int,
-    conditions: CarSettings,
-    settings: ControllerConfig,
+    controller: str | ControlLaw, conditions: CarSettings, settings: ControllerConfig
 ) -> str:
-    """Digest of all that a drive depends on, but for the object of a law."""
+    """Digest of all that the drives of a controller depend on, but for the object of a law."""
     from sim_bridge.campaign import object_digest
 
-    config = _config(settings, entrant)
-    file = None if config.controller is None else law_file(config.controller)
-    text = None if file is None else file.read_text(encoding="utf-8")
-    parts = (conditions.model_dump_json(), config.model_dump_json(), text)
-    return object_digest((scenario, *parts, Bundle.load(config.model).sha256))
+    config = _config(settings, controller)
+    files, law = list[Path](), law_digest(config.controller)
+    plant = conditions.plant.partition(":")[2]
+    for named in (conditions.car, conditions.faults, conditions.plant_mapping, plant):
+        place = Path(named or "")
+        files += sorted(place.iterdir()) if named and place.is_dir() else [place]
+    contents = [file.read_bytes() for file in files if file.is_file()]
+    model = Bundle.load(config.model).sha256
+    texts = conditions.model_dump_json(), config.model_dump_json(), source_revision(), model
+    return object_digest((texts, contents, law))
 
 
-def _config(settings: ControllerConfig, entrant: str | ControlLaw) -> ControllerConfig:
+def _config(settings: ControllerConfig, controller: str | ControlLaw) -> ControllerConfig:
     """The settings with the controller, if that has a name."""
-    if not isinstance(entrant, str):
+    if not isinstance(controller, str):
         return settings
-    return ControllerConfig(**{**dict(settings), "controller": entrant})
+    return ControllerConfig(**{**dict(settings), "controller": controller})
 
 
 def _drive(
     names: tuple[str, str, int],
-    entrant: str | ControlLaw,
+    controller: str | ControlLaw,
     scenario: "Scenario",
     seed: int,
     conditions: CarSettings,
     settings: ControllerConfig,
 ) -> tuple[dict[str, Any], str | None]:
-    """Figures of one drive, and the drive itself, packed, as text."""
+    """Figures of one drive, and the drive itself, packed."""
     from sim_bridge.faults.sensors import sensor_noise
 
-    config = _config(settings, entrant)
+    config = _config(settings, controller)
     # A law begins every drive as it was given, as it does in another process.
-    law = None if isinstance(entrant, str) else deepcopy(entrant)
+    law = None if isinstance(controller, str) else deepcopy(controller)
     bundle = Bundle.load(config.model)
-    accounts: list[DeadlineAccount] = []
     faults = sensor_noise(np.random.default_rng(seed)) if seed else []
     driven = replace(
         scenario,
         faults=(*scenario.faults, *faults),
         metrics=tuple(dict.fromkeys((*scenario.metrics, *TRUE_FIGURES))),
     )
+    accounts = dict[str, DeadlineAccount]()
     try:
         drive = drive_in_lockstep(
             config,
@@ -315,25 +334,27 @@ def _drive(
             build_planner(bundle, config, law),
             conditions,
             scenario=driven,
-            after_tick=lambda session: accounts.append(session.record.deadlines),
+            after_tick=lambda session: accounts.update(last=session.record.deadlines),
         )
-    except (ControlLawError, PlantError) as error:
+    except RtControllerError as error:
         return ComparedDrive(*names, failure=str(error))._asdict(), None
     true = {figure.name: figure.value for figure in drive.car_figures}
-    jerk, step = jerk_of(drive), accounts[-1].percentiles("cpu_us")
-    controller, course, seed = names
+    jerk, account, (name, course, _) = jerk_of(drive), accounts["last"], names
+    failure = "" if drive.ending in REGULAR else drive.ending
+    if drive.stop_s is not None:
+        failure = f"safe stop at {drive.stop_s:.1f} s: {StopCause[drive.stop_cause].value}"
     row = ComparedDrive(
-        controller,
+        name,
         course,
         seed,
         **{figure: float(true[figure]) for figure in TRUE_FIGURES},
         wheel_rate_rms_degps=wheel_rate_rms_degps(drive),
         lateral_jerk_rms_mps3=jerk.lateral_mps3,
         jerk_rms_mps3=jerk.along_mps3,
-        step_p50_us=step.p50,
-        step_p99_us=step.p99,
-        preparation_p50_us=accounts[-1].percentiles("preparation_us").p50,
+        step_p50_us=account.percentiles("cpu_us").p50,
+        step_p99_us=account.percentiles("cpu_us").p99,
+        work_p50_us=account.percentiles("cpu_us").p50 + account.percentiles("preparation_us").p50,
         stop_s=drive.stop_s,
-        failure="" if drive.stop_s is None else f"safe stop: {StopCause[drive.stop_cause].value}",
+        failure=failure,
     )
-    return row._asdict(), base64.b64encode(pack_drive(drive)).decode()
+    return row._asdict(), pack_drive(drive)

@@ -21,8 +21,8 @@ ShippedModel = Literal["mdk-net", "mdk-net-paper", "lti"]
 
 
 def is_model(name: str) -> bool:
-    """True if a name is that of a shipped model or of a folder, which is then that of a bundle."""
-    return name in get_args(ShippedModel) or Path(name).is_dir()
+    """True if a name is that of a shipped model or of the folder of a bundle."""
+    return name in get_args(ShippedModel) or (Path(name) / "koopman.npz").is_file()
 
 
 _Tolerance = Annotated[float, Field(ge=1e-6)]
@@ -185,7 +185,7 @@ class ControllerConfig(Settings):
     model: ShippedModel | str | Path | None = None
     """a shipped model, or folder of a bundle, ./lti for a folder with the name of a shipped one;
     default: mdk-net"""
-    controller: str | None = None
+    controller: Annotated[str, Field(min_length=1)] | None = None
     """what plans the inputs: a model as of --model, stanley, bicycle-mpc, or a class with a method
     control as MODULE:CLASS or FILE.py:CLASS; default: MPC with the model. The checks use the model
     with every one of them"""
@@ -202,7 +202,9 @@ class ControllerConfig(Settings):
             return found
         model = found.get("model")
         if model not in (None, controller):
-            raise ValueError(f"expected one model, found {model} and the controller {controller}")
+            raise ValueError(
+                f"controller: expected no other model than {controller}, which it is, found {model}"
+            )
         return {**found, "controller": None, "model": controller}
 
 

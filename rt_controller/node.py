@@ -27,7 +27,7 @@ from rt_controller.control.mpc import Mpc
 from rt_controller.control.planner import Planner
 from rt_controller.control.program import SolveStatus
 from rt_controller.control.warm_start import open_solver
-from rt_controller.controllers import open_law
+from rt_controller.controllers import law_error, open_law
 from rt_controller.model.bundle import Bundle
 from rt_controller.model.validation import require_drivable
 from rt_controller.realtime.clock import TimeSource
@@ -53,8 +53,10 @@ def build_planner(
     """
     if law is not None or config.controller is not None:
         require_drivable(bundle)
-        name = config.controller or type(law).__name__
-        return LawPlanner(bundle, law or open_law(name), name)
+        if law is not None:
+            return LawPlanner(bundle, law, type(law).__name__)
+        name = config.controller or ""
+        return LawPlanner(bundle, open_law(name), name)
     return build_mpc(bundle, config.mpc, max_iterations)
 
 
@@ -107,18 +109,20 @@ def choose_low_speed_car(bundle: Bundle, settings: LowSpeedSettings) -> LowSpeed
     return LowSpeedCar(car, gains, speeds, hold_n, bundle.largest_steer_rad)
 
 
-def plan_at_constant_speed(mpc: Mpc) -> None:
+def plan_at_constant_speed(planner: Planner) -> None:
     """Plan several times at a constant speed, so that all code and data is loaded before tick 0.
 
     Raises:
         ConfigError: the QP of a constant speed on a straight path is not solved.
+        ControlLawError: a law gives no input there.
     """
     state = AT_REST._replace(vx_mps=20.0, ds_m=20.0 * PERIOD_S)
     path = PathReference(0.0, 0.0, 0.0, 0.0, v_mps=20.0, a_mps2=0.0)
     for _ in range(20):
-        status = mpc.plan(mpc.observer.observe(state, NEUTRAL_INPUT), 0.0, path, NEUTRAL_INPUT)
+        x_0 = planner.observer.observe(state, NEUTRAL_INPUT)
+        status = planner.plan(x_0, 0.0, path, NEUTRAL_INPUT)
     if status is not SolveStatus.SOLVED:
-        raise ConfigError(
+        raise law_error(planner) or ConfigError(
             f"The QP of a constant 20 m/s on a straight path: expected it to be solved, found "
             f"{status.name}. Check the model and `mpc.tolerance`."
         )

@@ -135,6 +135,8 @@ class ControllerSession:
         if not self.is_lockstep:  # a time limit would make the result depend on the machine
             planner.limit_solve_time(round(config.realtime.solve_budget_ms * 1e6))
         self.planner = planner
+        self.model = f"{bundle.name} {bundle.sha256[:8]}"
+        """that the checks predict with: its name, and the first digits of its hash"""
         self.record = RunRecord(
             DeadlineAccount(RECORDED_TICKS, round(config.realtime.deadline_ms * 1e6)),
             DriveTrace(RECORDED_TICKS),

@@ -6,13 +6,13 @@ from itertools import count
 from math import inf
 from numbers import Real
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from pydantic import ValidationError
 from threadpoolctl import threadpool_limits
 
-from rt_controller.config import ControllerConfig, require_config
+from rt_controller.config import ControllerConfig, is_model, require_config
 from rt_controller.contract.errors import ConfigError, PlantError, require_type
 from rt_controller.contract.settings_errors import dotted, explain
 from rt_controller.contract.signals import StateColumn
@@ -39,6 +39,8 @@ if TYPE_CHECKING:
 BEHIND_M, AHEAD_M, ROAD_STEP_M = 20.0, 100.0, 0.5
 """of the road that a drive keeps: behind its start, ahead of its end, between two places"""
 TICKS_PER_HORIZON = 4
+_LONGEST_WAIT_S = 10.0
+_numbers = count()
 
 
 def open_virtual_car(
@@ -156,6 +158,18 @@ def scenario_notes(
         )
 
 
+def car_settings_of(**values: Any) -> CarSettings:
+    """The settings of these values.
+
+    Raises:
+        ConfigError: all refused values, each by its name.
+    """
+    try:
+        return CarSettings.model_validate(values)
+    except ValidationError as refused:
+        raise ConfigError(explain(refused, dotted, CarSettings)) from None
+
+
 def require_scenario(found: object) -> None:
     """Return if an argument is a `Scenario`.
 
@@ -166,14 +180,6 @@ def require_scenario(found: object) -> None:
 
     expected = "the name or path of a scenario, or a sim_bridge.Scenario"
     require_type("scenario", found, Scenario, expected)
-
-
-if TYPE_CHECKING:
-    from sim_bridge.plant.protocol import Plant
-    from sim_bridge.scenario import Scenario
-
-_LONGEST_WAIT_S = 10.0
-_numbers = count()
 
 
 def simulate(
@@ -234,18 +240,19 @@ def simulate(
         law = require_law(controller)
     settings = ControllerConfig(**{**dict(settings), **named})
     bundle = model if isinstance(model, Bundle) else Bundle.load(settings.model)
+    if isinstance(model, Bundle) and isinstance(controller, str) and is_model(controller):
+        raise ConfigError(
+            f"model: expected none beside the controller {controller}, which is a model, found "
+            f"the bundle {model.name}."
+        )
     planner = build_planner(bundle, settings, law)
-    choices = {
+    car_settings = car_settings_of(
         **({"scenario": str(scenario)} if isinstance(scenario, str | Path) else {}),
-        "plant": plant if isinstance(plant, str) else OWN,
-        "car": None if car is None else str(car),
-        "friction": friction,
-        "faults": faults,
-    }
-    try:
-        car_settings = CarSettings.model_validate(choices)
-    except ValidationError as refused:
-        raise ConfigError(explain(refused, dotted, CarSettings)) from None
+        plant=plant if isinstance(plant, str) else OWN,
+        car=None if car is None else str(car),
+        friction=friction,
+        faults=faults,
+    )
     own_plant = None if isinstance(plant, str) else plant
     own_scenario = None if isinstance(scenario, str | Path) else scenario
     return drive_in_lockstep(

@@ -194,7 +194,7 @@ def validate(
     require_writable(json_file)
     with announce("driving"):
         results = drive_all(car)
-    console = Console()
+    console = Console(emoji=False)
     print_table(acceptance_table(results), console)
     write_figures(json_file, [line._asdict() for line in results])
     console.print(count_sentence(results))

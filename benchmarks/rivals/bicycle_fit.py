@@ -7,12 +7,14 @@ from scipy.optimize import least_squares
 
 from benchmarks.rivals.scenarios import FIT
 from rt_controller import simulate
-from rt_controller.baselines.bicycle import DELAY, FILE, IMAGINARY, Parameters, advance
+from rt_controller.baselines.bicycle import FILE, IMAGINARY, Parameters, advance
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.figures import write_figures
 from rt_controller.contract.signals import ControlInput, StateColumn, VehicleState
 
 COMMAND, DRIVER = "python -m benchmarks.rivals.bicycle_fit", "mdk-net"
+DELAY = 2
+"""periods after which a command acts"""
 _STEPS, _STRIDE = 20, 5
 """periods of a prediction in the fit, and from the begin of one to the next"""
 _ERRORS = np.array(VehicleState(0.1, 0.05, 0.01, 1.0, 0.02, 0.005))

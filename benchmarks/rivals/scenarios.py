@@ -52,6 +52,18 @@ FIT = (
     ),
     _scenario("fit: sine of 1.6 m at 0.3 Hz, 75 km/h", 18.0, 75.0, _sine(1.6, 0.3)),
     _scenario(
+        "fit: moves of 3.5 m over 36 m, 75 km/h",
+        18.0,
+        75.0,
+        {
+            "kind": "moves",
+            "moves": tuple(
+                {"start_m": 12.0 + 60.0 * k, "length_m": 36.0, "to_m": 3.5 * (1 - k % 2)}
+                for k in range(6)
+            ),
+        },
+    ),
+    _scenario(
         "fit: bend of 120 m, 40 to 70 km/h and back",
         18.0,
         _over_time((0.0, 45.0), (5.0, 45.0), (9.0, 75.0), (12.0, 75.0), (16.0, 40.0), (18.0, 50.0)),

@@ -13,8 +13,8 @@ from rich.console import Console
 
 from rt_controller.terminal.progress import is_live
 
-STDOUT = Console()
-STDERR = Console(stderr=True)
+STDOUT = Console(emoji=False)
+STDERR = Console(stderr=True, emoji=False)
 LINE_EVERY_S = 5.0
 """between two lines of progress that are not on a terminal"""
 

@@ -52,7 +52,7 @@ def screen_tables(comparison: Comparison) -> list[Table]:
 def all_tables(comparison: Comparison) -> list[Table]:
     """All tables: with intervals, and over every part."""
     ratios = [ratio_table(comparison)] if comparison.names[1:] else []
-    parts = parts_table(comparison, comparison.parts, is_whole=True)
+    parts = parts_table(comparison, comparison.parts)
     return [mse_table(comparison), rms_table(comparison), *ratios, parts]
 
 
@@ -115,28 +115,19 @@ def ratio_table(comparison: Comparison) -> Table:
     )
 
 
-def parts_table(comparison: Comparison, parts: Sequence[Part], is_whole: bool = False) -> Table:
-    """On each part: the best linear baseline and other models over the reference.
-
-    `is_whole`: with the smallest ratio of a state, and the intervals of other models.
-    """
+def parts_table(comparison: Comparison, parts: Sequence[Part]) -> Table:
+    """On each part: the best linear baseline and other models over the reference."""
     reference, *others = comparison.models
     columns = [Column("part", is_text=True)]
     if comparison.linear:
         columns += [Column("best linear", is_text=True), Column("MSE ratio")]
-        columns += [Column("smallest", "of a state")] if is_whole else []
     columns += [*(Column(name, "MSE ratio") for name in others), Column("own MSE", "ratio")]
-    symbols = {state.name: state.symbol for state in comparison.states}
     lines, n = list[Row](), len(comparison.states)
     for part in parts:
         cells = [part.name]
         if best := comparison.best_linear(part.name):
-            rows = comparison.table[part.name, best]
-            ratios = np.array([row.over_reference for row in rows[:n]])
-            least = rows[int(np.argmin(np.nan_to_num(ratios, nan=np.inf)))]
-            smallest = f"{format_number(least.over_reference, 3)} {symbols[least.state]}"
-            cells += [best, _ratio(rows[n]), *([smallest] if is_whole else [])]
-        cells += [_ratio(comparison.table[part.name, name][n], is_whole) for name in others]
+            cells += [best, _ratio(comparison.table[part.name, best][n])]
+        cells += [_ratio(comparison.table[part.name, name][n], False) for name in others]
         own = comparison.table[part.name, reference][n]
         lines.append((*cells, format_number(own.over_library, 3)))
     notes = (

@@ -33,8 +33,6 @@ from rt_controller.contract.timing import PERIOD_S
 from rt_controller.model.bundle import Bundle
 
 FILE = Path(__file__).with_name("bicycle.json")
-DELAY = 2
-"""periods after which a command acts"""
 _SLOWEST_MPS = 1.0
 _CARRIER_MPS = 15.0
 IMAGINARY = 1e-30
@@ -130,9 +128,8 @@ def advance(x: Values, u: Values, curvature_per_m: Any, car: Parameters) -> tupl
 class Bicycle:
     """The fitted car: prediction, and derivatives along one."""
 
-    def __init__(self, parameters: Parameters | None = None) -> None:
-        """`parameters`: default those of `bicycle.json`."""
-        self.parameters = parameters or Parameters.load()
+    def __init__(self) -> None:
+        self.parameters = Parameters.load()
 
     def step(self, x: Array, control: ControlInput, curvature_per_m: float) -> Array:
         """States (..., 6) one period after x (..., 6)."""

@@ -16,6 +16,7 @@ from rt_controller.baselines.tuned import tuned_values
 from rt_controller.config import MpcSettings, Tolerances
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.signals import N_INPUTS, N_STATES, ControlInput
+from rt_controller.contract.timing import HOLD_PLAN_TICKS
 from rt_controller.control.law import Observation
 from rt_controller.control.mpc import Mpc
 from rt_controller.control.program import SolveStatus
@@ -74,17 +75,19 @@ class BicycleMpc:
         settings = settings_of(tuned_values("bicycle-mpc") if values is None else values)
         self._mpc = _TimeVaryingMpc(settings)
         self._is_first = True
+        self._periods_held = HOLD_PLAN_TICKS + 1
 
     def reset(self) -> None:
         """The next observation does not follow on the last one."""
         self._mpc.reset()
         self._is_first = True
+        self._periods_held = HOLD_PLAN_TICKS + 1
 
     def control(self, now: Observation) -> ControlInput:
-        """The first input of the plan.
+        """The first input of the plan, or the next one of the last plan.
 
         Raises:
-            ArithmeticError: the QP was not solved.
+            ArithmeticError: the QP was not solved for more than two periods.
         """
         mpc = self._mpc
         if self._is_first:
@@ -95,8 +98,9 @@ class BicycleMpc:
         status = mpc.plan(
             x_0, now.curvature_per_m, now.path, now.previous, now.preview, now.under_way
         )
-        if status is not SolveStatus.SOLVED:
+        self._periods_held = 0 if status is SolveStatus.SOLVED else self._periods_held + 1
+        if self._periods_held > HOLD_PLAN_TICKS:
             raise ArithmeticError(f"the QP of bicycle-mpc was not solved: {status.name}")
-        control = ControlInput(*mpc.inputs[0].tolist())
+        control = ControlInput(*mpc.inputs[self._periods_held].tolist())
         mpc.prepare()
         return control

@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Sequence
+from numbers import Real
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -22,6 +23,8 @@ from rt_controller.control.estimator import MOTION_GAIN
 from rt_controller.control.observer import StateObserver
 from rt_controller.control.program import SolveStatus
 from rt_controller.model.bundle import Bundle
+
+_EXPECTED = f"a ControlInput of {N_INPUTS} finite numbers"
 
 
 class Observation(NamedTuple):
@@ -54,8 +57,8 @@ class ControlLaw(Protocol):
     def control(self, now: Observation) -> ControlInput:
         """Pedals and steering wheel of this period, which are limited before they are sent.
 
-        An exception, or a value that is not finite, is treated as a QP that is not solved: the
-        last input is held, then the car is stopped.
+        An exception, or something else than three finite numbers, is treated as a QP that is not
+        solved: the last input is held, then the car is stopped.
         """
 
 
@@ -66,7 +69,7 @@ class LawPlanner:
     the lifted state. The law gets the state as it was measured.
     """
 
-    iterations = periods_under_way = 0
+    iterations, periods_under_way = 1, 0
     max_iterations: int | None = None
 
     def __init__(self, bundle: Bundle, law: ControlLaw, name: str) -> None:
@@ -74,7 +77,7 @@ class LawPlanner:
         self.observer = StateObserver(bundle, 0, MOTION_GAIN)
         self.inputs = np.zeros((HOLD_PLAN_TICKS + 1, N_INPUTS))
         """(3, 3), the input of this period, held"""
-        self.failure: Exception | None = None
+        self.failure: BaseException | None = None
         """why the law gave no input for the first time"""
         self.solve_ns = 0
         """time that the law needed last"""
@@ -100,7 +103,7 @@ class LawPlanner:
         begun_ns = time.perf_counter_ns()
         try:
             self._control(now)
-        except Exception as error:  # of code that this program does not know
+        except (Exception, SystemExit) as error:  # of code that this program does not know
             self.failure = self.failure or error
             self._has_plan = False
         self.solve_ns = time.perf_counter_ns() - begun_ns
@@ -112,15 +115,19 @@ class LawPlanner:
     def _control(self, now: Observation) -> None:
         """Take the law's input as the plan."""
         if not self._is_continued:
-            getattr(self._law, "reset", lambda: None)()
+            reset = getattr(self._law, "reset", None)
+            if reset is not None:
+                reset()
             self._is_continued = True
-        found = np.asarray(self._law.control(now), dtype=np.float64)
-        if found.shape != (N_INPUTS,) or not np.isfinite(found).all():
-            raise ValueError(
-                f"control: expected a ControlInput of {N_INPUTS} finite numbers, found "
-                f"{found.tolist()!r:.80}"
-            )
-        self.inputs[:] = found
+        found = self._law.control(now)
+        numbers = np.asarray(found, dtype=object)
+        is_numeric = all(isinstance(number, Real) for number in numbers.flat)
+        if not (is_numeric and numbers.shape == (N_INPUTS,)):
+            raise TypeError(f"it returned {found!r:.80}, expected {_EXPECTED}")
+        inputs = numbers.astype(np.float64)
+        if not np.isfinite(inputs).all():
+            raise ValueError(f"it returned {found!r:.80}, expected {_EXPECTED}")
+        self.inputs[:] = inputs
         self._has_plan = True
 
     def prepare(self) -> None:

@@ -1,5 +1,6 @@
-"""A drive as the bytes of an npz file: its arrays, and the rest as JSON. No pickle."""
+"""A drive as text: an npz file in base64, its arrays and the rest as JSON. No pickle."""
 
+import base64
 import json
 from io import BytesIO
 from typing import Any
@@ -26,7 +27,7 @@ _TEXTS = ("model", "ending", "stop_cause", "stop_tick", "stop_s")
 """fields that JSON can hold as they are"""
 
 
-def pack_drive(drive: Drive) -> bytes:
+def pack_drive(drive: Drive) -> str:
     """The drive without its predicted horizons."""
     arrays = {"values": drive.values}
     if drive.true_poses is not None:
@@ -46,17 +47,17 @@ def pack_drive(drive: Drive) -> bytes:
     out = BytesIO()
     text = np.frombuffer(json.dumps(rest).encode(), dtype=np.uint8)
     np.savez_compressed(out, rest=text, allow_pickle=False, **arrays)
-    return out.getvalue()
+    return base64.b64encode(out.getvalue()).decode()
 
 
-def unpack_drive(data: bytes, source: str) -> Drive:
+def unpack_drive(text: str, source: str) -> Drive:
     """The drive of `pack_drive`; `source` is named in errors.
 
     Raises:
         ConfigError: the data are not that, or of another version.
     """
     try:
-        with np.load(BytesIO(data), allow_pickle=False) as arrays:
+        with np.load(BytesIO(base64.b64decode(text)), allow_pickle=False) as arrays:
             rest = json.loads(arrays["rest"].tobytes())
             if rest["format"] != FORMAT or tuple(rest["columns"]) != _COLUMN_NAMES:
                 raise ValueError("of another version")

@@ -1,5 +1,6 @@
 """How calm a drive was: rate of the steering wheel, and jerk of the car."""
 
+from math import nan
 from typing import NamedTuple
 
 import numpy as np
@@ -14,8 +15,15 @@ _AVERAGED = 4
 """periods over which an acceleration is averaged before its rate of change is taken"""
 
 
+_LEAST_TICKS = _AVERAGED + 3
+"""of which one value of the jerk is made"""
+
+
 class Jerk(NamedTuple):
-    """RMS of the rate of change of the acceleration over the ticks that drove, in m/s³."""
+    """RMS of the rate of change of the acceleration over the ticks that drove, in m/s³.
+
+    NaN where there is none.
+    """
 
     along_mps3: float
     """in the direction of the car"""
@@ -31,6 +39,8 @@ def wheel_rate_rms_degps(drive: Drive) -> float:
 
 def jerk_of(drive: Drive) -> Jerk:
     """Jerk of the car, of a simulated one from its true place, averaged over 0.1 s."""
+    if len(drive) < _LEAST_TICKS:
+        return Jerk(nan, nan)
     x_m, y_m, yaw_rad = plan_view(drive).car
     acceleration = np.diff([x_m, y_m], n=2) / PERIOD_S**2
     cos, sin = np.cos(yaw_rad[1:-1]), np.sin(yaw_rad[1:-1])
@@ -52,4 +62,4 @@ def _is_driven(drive: Drive) -> NDArray[np.bool_]:
 
 
 def _rms(values: Array) -> float:
-    return float(np.sqrt(np.mean(np.square(values)))) if values.size else 0.0
+    return float(np.sqrt(np.mean(np.square(values)))) if values.size else nan

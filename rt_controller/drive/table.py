@@ -63,7 +63,7 @@ class Drive:
     """(ticks, columns), see `COLUMNS`"""
     errors: TrackingErrors
     model: str
-    """name of the model and first digits of its hash"""
+    """name of the controller: of a model with the first digits of its hash, or of a law"""
     ending: str
     """why the drive ended"""
     stop_cause: str = "NONE"

@@ -27,6 +27,7 @@ from rt_controller.contract.faults import StopCause
 from rt_controller.contract.files import open_regular
 from rt_controller.contract.settings_errors import dotted, explain
 from rt_controller.contract.signals import ControlInput, Mode
+from rt_controller.controllers import absolute_name, law_digest
 from rt_controller.model.artifact import find_model, load_bundle
 from rt_controller.model.bundle import Bundle
 
@@ -104,6 +105,8 @@ class Header(BaseModel):
     version: str
     model: dict[str, str]
     """name, sha256"""
+    controller_sha256: str = ""
+    """of the file of a control law"""
     config: dict[str, Any]
     max_iterations: PositiveInt | None
     """of a solve, where its time is limited"""
@@ -116,16 +119,22 @@ class Header(BaseModel):
         """The settings of the run; without its core, which this machine may not have.
 
         Raises:
-            ConfigError: this version has other settings.
+            ConfigError: this version has other settings, or the file of the law has changed.
         """
         try:
             realtime = {**self.config.get("realtime", {}), "cpu": None}
-            return ControllerConfig(**{**self.config, "realtime": realtime})
+            config = ControllerConfig(**{**self.config, "realtime": realtime})
         except ConfigError as error:
             raise ConfigError(
                 f"Settings in the journal: {error} Replay the drive with the version that recorded "
                 f"it ({self.version})."
             ) from None
+        if law_digest(config.controller) != self.controller_sha256:
+            raise ConfigError(
+                f"the controller {config.controller}: expected the recorded one, found that its "
+                f"file has changed since. Replay with the file that drove."
+            )
+        return config
 
     def load_model(self, model: str | Path | None = None) -> Bundle:
         """The model of the run, or another one if `model` names it.
@@ -163,10 +172,13 @@ def describe_run(config: ControllerConfig, bundle: Bundle, max_iterations: int |
     settings["mpc"] = config.mpc.for_model(bundle)
     if config.model is not None and os.path.exists(str(config.model)):
         settings["model"] = str(Path(config.model).resolve())
+    if config.controller is not None:
+        settings["controller"] = absolute_name(config.controller)
     return Header(
         journal_format=FORMAT,
         version=version("rt-controller"),
         model={"name": bundle.name, "sha256": bundle.sha256},
+        controller_sha256=law_digest(config.controller),
         config=ControllerConfig(**settings).model_dump(),
         max_iterations=max_iterations,
         catalogue=f"{dbc_hash():08x}",

@@ -37,11 +37,12 @@ COLUMNS = (
     FigureColumn("lateral_jerk_rms_mps3", "aside", "m/s³"),
     FigureColumn("jerk_rms_mps3", "along", "m/s³"),
     FigureColumn("step_p50_us", "step", "ms", 1e-3),
+    FigureColumn("work_p50_us", "work", "ms", 1e-3),
 )
 NOTES = (
     "RMS values: error, lateral, of the car itself; speed, its error; wheel, rate of the steering "
     "wheel; aside and along, jerk of the car in these directions. step: median time of the "
-    "processor from frames in to frames out.",
+    "processor from frames in to frames out; work: with the preparation in the time before.",
     "Below 8 m/s the law of low speeds drives with all of them.",
 )
 Compared = Mapping[tuple[str, str], ComparedFigures]
@@ -49,43 +50,54 @@ Compared = Mapping[tuple[str, str], ComparedFigures]
 
 
 def headline(compared: Compared) -> str:
-    """Which controller has the smallest lateral error, and in how many scenarios."""
+    """Which controller has the smallest lateral error, in how many scenarios, and who failed."""
     scenarios = list(dict.fromkeys(scenario for scenario, _ in compared))
-    wins = [name for each in scenarios for name in _best(compared, each, ERROR.field)]
-    counts = {name: wins.count(name) for _, name in compared}
-    ratios = mean_ratios(compared)
-    first = next(iter(counts))
+    names = list(dict.fromkeys(name for _, name in compared))
+    best = [name for each in scenarios for name in _best(compared, each, ERROR.field)]
     texts = [
-        f"{name} has the smallest lateral error in {count} of {len(scenarios)} scenarios"
-        for name, count in counts.items()
-        if count
-    ]
-    others = [
-        f"{name} {format_number(ratio, 3)} times"
-        for name, ratio in ratios.items()
-        if name != first and isfinite(ratio)
+        f"{name} has the smallest lateral error in {best.count(name)} of {len(scenarios)} scenarios"
+        for name in names
+        if name in best
     ]
     text = f"{'; '.join(texts) or 'No controller finished a drive'}."
-    if others:
-        text += f" Lateral error of the others, in units of that of {first}: {', '.join(others)}."
+    failed = [
+        f"{name} in {', '.join(each for each in scenarios if compared[each, name].failure)}"
+        for name in names
+        if any(compared[each, name].failure for each in scenarios)
+    ]
+    if failed:
+        text += f" Not finished: {'; '.join(failed)}."
+    ratios = [
+        f"{name} {format_number(ratio, 3)}"
+        for name, ratio in mean_ratios(compared).items()
+        if name != names[0] and isfinite(ratio)
+    ]
+    if ratios:
+        text += (
+            f" Lateral error over that of {names[0]}, geometric mean of the scenarios that both "
+            f"finished: {', '.join(ratios)}."
+        )
     return text
 
 
 def mean_ratios(compared: Compared) -> dict[str, float]:
-    """Geometric mean over the scenarios of each lateral error over that of the first controller.
+    """Geometric mean of each lateral error over that of the first controller.
 
-    NaN for a controller that has not finished them all.
+    Over the scenarios that both have finished; NaN if there is none.
     """
     names = list(dict.fromkeys(name for _, name in compared))
-    scenarios = list(dict.fromkeys(scenario for scenario, _ in compared))
     found = {}
     for name in names:
         pairs = [
-            (compared[each, name].means[ERROR.field], compared[each, names[0]].means[ERROR.field])
-            for each in scenarios
+            (compared[each, name], compared[each, names[0]])
+            for each in dict.fromkeys(scenario for scenario, _ in compared)
         ]
-        is_positive = all(one > 0.0 and other > 0.0 for one, other in pairs)
-        logs = [log(one / other) for one, other in pairs if is_positive]
+        errors = [
+            (one.means[ERROR.field], first.means[ERROR.field])
+            for one, first in pairs
+            if not (one.failure or first.failure)
+        ]
+        logs = [log(one / first) for one, first in errors if one > 0.0 and first > 0.0]
         found[name] = exp(sum(logs) / len(logs)) if logs else nan
     return found
 

@@ -111,7 +111,7 @@ def print_table(table: Table, console: Console) -> None:
 def print_text(text: str, console: Console) -> None:
     """Print sentences literally: a terminal wraps them at spaces, a pipe or a file does not."""
     is_piped = not console.is_terminal
-    console.print(text, highlight=False, markup=False, soft_wrap=is_piped)
+    console.print(text, highlight=False, markup=False, emoji=False, soft_wrap=is_piped)
 
 
 def _without_padding(line: list[Segment]) -> list[Segment]:

@@ -127,7 +127,7 @@ def print_error(program: str, message: str) -> None:
 
     A message may contain brackets and long paths, which must stay as they are.
     """
-    Console(stderr=True).print(
+    Console(stderr=True, emoji=False).print(
         f"{program}: {message}", style="red", markup=False, highlight=False, soft_wrap=True
     )
 

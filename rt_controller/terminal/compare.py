@@ -2,21 +2,21 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from rich.console import Console
 
 from rt_controller.comparison import ComparedDrive, Comparison, compare
 from rt_controller.contract.figures import require_writable, write_figures
+from rt_controller.contract.revision import source_revision
 from rt_controller.report.comparison_page import comparison_page, comparison_table, headline
 from rt_controller.report.drive_figure import require_figure_file, write_figure
 from rt_controller.report.page import require_report_extra, save_page
 from rt_controller.report.table import print_table
 from rt_controller.settings import CarSettings
 from rt_controller.terminal.progress import show
-
-if TYPE_CHECKING:
-    from sim_bridge.campaign import Backend
+from rt_controller.terminal.run import EXIT_SAFE_STOP
+from sim_bridge.campaign import Backend, BackendName
 
 
 def compare_at_terminal(
@@ -24,7 +24,9 @@ def compare_at_terminal(
     scenarios: Sequence[str],
     seeds: int,
     car: CarSettings,
-    backend: "Backend",
+    backend: BackendName,
+    address: str | None,
+    jobs: int,
     html: Path | None,
     plot: Path | None,
     results: Path | None,
@@ -40,25 +42,30 @@ def compare_at_terminal(
     if plot is not None:
         require_writable(plot, "--plot")
         require_figure_file(plot, moves=False)
-    done = 0
+    done, count = 0, len(controllers) * len(scenarios) * max(seeds, 1)
 
     def report(row: ComparedDrive) -> None:
         nonlocal done
         done += 1
         seed = f", seed {row.seed}" if row.seed else ""
         text = row.failure or f"lateral error RMS {1e3 * row.ey_rms_m:.3g} mm"
-        show(f"{done}: {row.controller} in {row.scenario}{seed}: {text}", is_quiet)
+        show(f"{done} of {count}: {row.controller} in {row.scenario}{seed}: {text}", is_quiet)
 
-    comparison = compare(
-        controllers,
-        scenarios,
-        seeds=seeds,
-        car=car,
-        backend=backend,
-        results=results,
-        on_progress=report,
-    )
-    console, compared = Console(), comparison.by_scenario()
+    try:
+        comparison = compare(
+            controllers,
+            scenarios,
+            seeds=seeds,
+            car=car,
+            backend=Backend(backend, address, jobs),
+            results=results,
+            on_progress=report,
+        )
+    except KeyboardInterrupt:
+        if results is not None:
+            show(f"{done} of {count} drives are in {results}: the same command goes on", is_quiet)
+        raise
+    console, compared = Console(emoji=False), comparison.by_scenario()
     console.print(headline(compared), highlight=False, markup=False, soft_wrap=True)
     print_table(comparison_table(compared, seeds), console)
     write_figures(json_file, comparison_figures(comparison, car))
@@ -68,13 +75,17 @@ def compare_at_terminal(
         drives = {name: comparison.first_drives(name) for name in comparison.scenarios}
         page = comparison_page(compared, seeds, drives, _conditions(car))
         show(save_page(page, html, "--html"), is_quiet)
-    return 0
+    return EXIT_SAFE_STOP if all(row.failure for row in comparison.rows) else 0
 
 
 def comparison_figures(comparison: Comparison, car: CarSettings) -> dict[str, Any]:
     """All rows, and the conditions of the drives, for `--json`."""
     conditions = car.model_dump(mode="json", exclude={"scenario"})
-    return {"conditions": conditions, "drives": comparison.figures()}
+    return {
+        "revision": source_revision(),
+        "conditions": conditions,
+        "drives": comparison.figures(),
+    }
 
 
 def _conditions(car: CarSettings) -> str:

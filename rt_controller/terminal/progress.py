@@ -31,7 +31,7 @@ class Line(NamedTuple):
 
 def announce(text: str, is_quiet: bool = False) -> AbstractContextManager[object]:
     """Show what the commands in this context do: while they do it, or as a line in a log."""
-    stderr = Console(stderr=True, quiet=is_quiet)
+    stderr = Console(stderr=True, quiet=is_quiet, emoji=False)
     if is_live(stderr):
         return stderr.status(text)
     show(text, is_quiet)
@@ -45,7 +45,7 @@ def is_live(console: Console) -> bool:
 
 def show(text: str, is_quiet: bool = False) -> None:
     """Print a text on stderr, never wrapped and never read as markup."""
-    stderr = Console(stderr=True, quiet=is_quiet)
+    stderr = Console(stderr=True, quiet=is_quiet, emoji=False)
     stderr.print(text, highlight=False, markup=False, soft_wrap=True)
 
 
@@ -55,7 +55,7 @@ def _replace(text: str, is_quiet: bool, is_last: bool) -> None:
     It has one line at most, since only one is replaced; what the terminal has echoed there, such as
     ^C, is erased too.
     """
-    stderr = Console(stderr=True, quiet=is_quiet)
+    stderr = Console(stderr=True, quiet=is_quiet, emoji=False)
     stderr.control(_EMPTY_LINE)
     # A text that fills the last column would move the cursor to the next line.
     line = Text(text, no_wrap=True, overflow="ellipsis")

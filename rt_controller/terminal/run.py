@@ -10,7 +10,9 @@ from rich.console import Console
 from rt_controller.bus.log.recorder import require_recordable
 from rt_controller.bus.messages import STATE
 from rt_controller.contract.errors import BusError, OutputError, PlantError, RtControllerError
+from rt_controller.contract.faults import StopCause
 from rt_controller.contract.figures import require_writable, write_figures
+from rt_controller.control.planner import Planner
 from rt_controller.controllers import law_error
 from rt_controller.drive.scenario import (
     EXIT_LIMIT,
@@ -23,7 +25,7 @@ from rt_controller.drive.table import PredictedPath
 from rt_controller.loop import Ending
 from rt_controller.model.artifact import find_model, load_bundle
 from rt_controller.model.validation import explain_missing_plans
-from rt_controller.node import build_planner, choose_low_speed_car
+from rt_controller.node import build_planner, choose_low_speed_car, plan_at_constant_speed
 from rt_controller.realtime.clock import Clock, LockstepClock, RealtimeClock
 from rt_controller.report.table import Fact, facts_table, print_table, print_text
 from rt_controller.safety.modes import BUS_CAUSES, RECOVERABLE_BUS_CAUSES
@@ -117,8 +119,7 @@ def run_at_terminal(options: "RunOptions") -> int:
             opened.callback(session.close)
             horizons = record_predictions(session) if options.is_lockstep and options.plot else []
             if options.check:
-                show(f"{planner.name}: no error found")
-                return 0
+                return _check(planner)
             signals.enter_context(stop_on_signals(session.request_stop))
             if car is not None and not options.is_lockstep:
                 car.start(CAR_PRIORITY)
@@ -139,6 +140,13 @@ def run_at_terminal(options: "RunOptions") -> int:
         return PlantError.exit_code if is_failed and code != INTERRUPTED else code
 
 
+def _check(planner: Planner) -> int:
+    """Plan a constant speed, and say that there is no error."""
+    plan_at_constant_speed(planner)
+    show(f"{planner.name}: no error found")
+    return 0
+
+
 def _write(
     session: ControllerSession,
     car: "BridgeSession | None",
@@ -151,7 +159,7 @@ def _write(
     if plant_failure is not None:
         print_error(PROGRAM, f"the car's plant failed: {plant_failure}")
     error = None if car is None else car_error(car)
-    braking, console = _vehicle_braking(session, car), Console()
+    braking, console = _vehicle_braking(session, car), Console(emoji=False)
     for sentence in (verdict(session.record, error, braking), *fault_sentences(session.record)):
         print_text(sentence, console)
     print_table(to_table(session, error, braking, options.verbose), console)
@@ -230,10 +238,13 @@ def _exit_code(
     busy = ""
     if options.is_virtual and not options.is_lockstep and not faults:
         is_of_time = {cause, bus_fault} <= TIME_CAUSES and braking in ("", NO_COMMAND)
-        busy = explain_busy(record, allowed_misses, bool(braking), "" if is_of_time else text)
+        busy = explain_busy(session, allowed_misses, bool(braking), "" if is_of_time else text)
     if is_stop:
-        failure = law_error(session.planner)
-        print_error(PROGRAM, busy or f"{late}{text}" if failure is None else str(failure))
+        failure, text = law_error(session.planner), busy or f"{late}{text}"
+        if failure is not None:  # the first cause, then what the law did in the stop
+            is_first = cause is StopCause.SOLVER_FAILED
+            text = str(failure) if is_first else f"{text.rstrip('.')}. Then {failure}"
+        print_error(PROGRAM, text)
         is_bus = {cause, bus_fault} & {*BUS_CAUSES, *RECOVERABLE_BUS_CAUSES}
         return BusError.exit_code if is_bus else EXIT_SAFE_STOP
     if braking:

@@ -6,11 +6,13 @@ from typing import Any, NamedTuple
 from rt_controller.bus.messages import REFERENCE, STATE, Message
 from rt_controller.bus.receive import Inbox
 from rt_controller.contract.faults import Fault, StopCause
-from rt_controller.loop import Ending, RunRecord
+from rt_controller.loop import Ending
 from rt_controller.safety.checks import Check
 from rt_controller.session import ControllerSession
 
 VEHICLE_KNOWS = "The vehicle's program (sim-bridge, or the gateway) names the cause at its end"
+LONGEST_PLAN_MS = 10.0
+"""a planner that takes longer in half of its periods is too slow for them"""
 TIME_CAUSES = {
     StopCause.NONE,
     StopCause.STATE_LOST,
@@ -82,13 +84,16 @@ def explain_braking(braking: str) -> str:
     return f"the vehicle then braked by itself{separator}{braking}"
 
 
-def explain_busy(record: RunRecord, allowed_ticks: int, is_braking: bool, other: str = "") -> str:
-    """That this machine had no time for a drive in real time, and how the drive ended.
+def explain_busy(
+    session: ControllerSession, allowed_ticks: int, is_braking: bool, other: str = ""
+) -> str:
+    """That this machine or the controller was too slow for real time, and how the drive ended.
 
     Empty if no more than so many ticks were late, left out, or without a new state: the simulated
     car may be late too. `is_braking`: the vehicle brakes by itself. `other`: how the drive ended,
     if its cause is not one of `TIME_CAUSES`; it is said first.
     """
+    record = session.record
     deadlines, without = record.deadlines, record.ticks_by_fault[Fault.STATE_STALE]
     late = deadlines.deadline_misses + deadlines.skipped_ticks
     if late + without <= allowed_ticks:
@@ -100,10 +105,13 @@ def explain_busy(record: RunRecord, allowed_ticks: int, is_braking: bool, other:
         end = f", so the car was stopped at {record.stop_s or 0.0:.1f} s"
     elif is_braking:
         end = ", so the vehicle braked by itself"
+    plan_ms, who = 1e-3 * deadlines.percentiles("qp_us").p50, "this machine was too busy"
+    if plan_ms > LONGEST_PLAN_MS:
+        who = f"{session.planner.name} takes {plan_ms:.0f} ms for an input, too long"
     return (
-        f"{begin}this machine was too busy to drive in real time ({late} of {deadlines.ticks} "
-        f"control steps late or left out, {without} without a new state){end}; --pace lockstep "
-        f"drives independently of the machine."
+        f"{begin}{who} to drive in real time ({late} of {deadlines.ticks} control steps late or "
+        f"left out, {without} without a new state){end}; --pace lockstep drives independently of "
+        f"the machine."
     )
 
 

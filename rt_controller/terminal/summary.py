@@ -68,7 +68,8 @@ def to_json(session: ControllerSession, car: LateralError | None = None) -> dict
         "stop_checks": [each._asdict() for each in failed_checks(session)],
         "scheduler": session.guarantees.scheduler,
         "memory_locked": session.guarantees.memory_locked,
-        "model": session.planner.name,
+        "model": session.model,
+        "controller": session.planner.name,
         "frames_received": asdict(session.inbox.counts),
         "frames_sent": session.outbox.sent,
         "send_failures": session.outbox.send_failures,
@@ -148,14 +149,15 @@ def _outside(record: RunRecord) -> str:
 
 def fault_sentences(record: RunRecord) -> list[str]:
     """A sentence for each fault that occurred, with its ticks and the time of the first one."""
-    times = {
-        fault: f"{n} ticks, first at {record.first_s_by_fault[fault]:.3f} s"
-        if n > 1
-        else f"1 tick, at {record.first_s_by_fault[fault]:.3f} s"
+    ticks = {
+        fault: f"{n} ticks, first" if n > 1 else "1 tick,"
         for fault, n in record.ticks_by_fault.items()
         if n
     }
-    return [f"{FAULT_SENTENCES[fault]} ({fault.name}, {when})" for fault, when in times.items()]
+    return [
+        f"{FAULT_SENTENCES[fault]} ({fault.name}, {n} at {record.first_s_by_fault[fault]:.3f} s)"
+        for fault, n in ticks.items()
+    ]
 
 
 def explain_end_at_once(speed_mps: float | None) -> str:

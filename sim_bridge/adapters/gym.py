@@ -42,7 +42,7 @@ MASS_FACTORS = (0.5, 2.0)
 _FASTEST_CHANGE = PERIOD_S * np.array(INPUT_LIMITS.rate_per_s)
 
 Floats = NDArray[np.float32]
-Range = float | tuple[float, float]
+Range = float | Sequence[float]
 """a value, or the limits of a uniform distribution"""
 
 
@@ -139,6 +139,8 @@ class CarEnv(gymnasium.Env[Floats, Floats]):
             MissingExtraError: the car is not compiled.
         """
         listed = [scenario] if isinstance(scenario, str | Path | Scenario) else scenario
+        if not listed:
+            raise ConfigError("scenario: expected at least one, found an empty list.")
         self._scenarios = [_drivable(each) for each in listed]
         self._parameters, self._car_name = load_parameters(car), str(car)
         self._friction = (
@@ -257,10 +259,10 @@ def _drivable(scenario: str | Path | Scenario) -> Scenario:
 
 
 def _range(name: str, found: Range, low: float, high: float) -> tuple[float, float]:
-    first, last = found if isinstance(found, tuple) else (found, found)
+    first, last = (found, found) if isinstance(found, float | int) else (found[0], found[-1])
     if not low <= first <= last <= high:
         raise ConfigError(
-            f"{name}: expected a number of {low:g} to {high:g}, or a tuple of two of them in "
+            f"{name}: expected a number of {low:g} to {high:g}, or two of them in "
             f"ascending order, found {found}."
         )
     return first, last

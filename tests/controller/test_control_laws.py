@@ -6,7 +6,7 @@ import textwrap
 import numpy as np
 import pytest
 
-from rt_controller import ControlInput, Observation, cli, simulate
+from rt_controller import Bundle, ControlInput, Observation, cli, simulate
 from rt_controller.contract.errors import ConfigError, ControlLawError
 from rt_controller.contract.signals import Mode
 from rt_controller.recording.replay import Replay, differences, read_recorded_drive
@@ -25,11 +25,14 @@ PURE_PURSUIT = '''
     class Named:
         pass
 
+    class Unfit:
+        def control(self, now, more):
+            pass
+
     class Greedy:
         def __init__(self, gain):
             pass
 
-    broken = 1 / 1
 '''
 
 
@@ -89,19 +92,21 @@ def test_what_a_law_wants_is_limited_as_every_other_input():
 @pytest.mark.parametrize(
     ("found", "words"),
     [
-        (None, "expected a ControlInput of 3 finite numbers, found nan"),
-        ((0.1, 0.0), "expected a ControlInput of 3 finite numbers"),
-        ((0.1, 0.0, np.nan), "found .0.1, 0.0, nan"),
+        (None, "it returned None, expected a ControlInput of 3 finite numbers[.]"),
+        ((0.1, 0.0), "it returned .0.1, 0.0., expected a ControlInput of 3 finite numbers[.]"),
+        (("0.1", 0.0, 0.0), "it returned .'0.1', 0.0, 0.0., expected"),
+        ((0.1, 0.0, np.nan), "it returned .0.1, 0.0, nan., expected"),
+        (SystemExit(3), "SystemExit: 3"),
         (ZeroDivisionError("no lookahead"), "ZeroDivisionError: no lookahead .test_control_laws"),
     ],
-    ids=["nothing", "two numbers", "NaN", "an exception"],
+    ids=["nothing", "two numbers", "a text", "NaN", "an end", "an exception"],
 )
 def test_a_law_that_gives_no_input_stops_the_car_and_is_named(found, words):
     class Failing(Recorded):
         def control(self, now: Observation) -> ControlInput:
             if len(self.seen) < 40:
                 return super().control(now)
-            if isinstance(found, Exception):
+            if isinstance(found, BaseException):
                 raise found
             return found
 
@@ -132,7 +137,8 @@ def test_a_drive_with_a_law_is_recorded_and_replayed_to_the_bit(tmp_path, own_fi
         )
     assert ended.value.code == 0, capsys.readouterr().err
     summary = json.loads((tmp_path / "x.json").read_text())
-    assert summary["model"] == name
+    assert summary["controller"] == name
+    assert summary["model"].startswith("mdk-net ")
     replay = Replay(read_recorded_drive(tmp_path / "x.log"))
     ticks = list(replay.ticks())
     replay.close()
@@ -151,12 +157,16 @@ def test_the_name_of_a_model_is_the_mpc_with_it():
     ("name", "words"),
     [
         ("stanly", "expected one of mdk-net, .*, found 'stanly' .did you mean stanley"),
-        ("no_such_module:Law", "expected a Python module, found: No module named"),
-        ("missing.py:Law", "expected a Python module, found: .*No such file"),
+        (
+            "no_such_module:Law",
+            "that can be imported, found ModuleNotFoundError",
+        ),
+        ("missing.py:Law", "found FileNotFoundError: .*No such file"),
         ("FILE:PurePursuits", "expected a class PurePursuits .* .did you mean PurePursuit"),
         ("FILE:Named", "expected an object with a method control"),
+        ("FILE:Unfit", "expected a method control.now., found that one argument does not fit it"),
         ("FILE:Greedy", "needs no arguments, found that it raises TypeError"),
-        ("BROKEN:Law", "can be imported, found that it raises NameError: name 'nothing' .*line 1"),
+        ("BROKEN:Law", "found NameError: name 'nothing' is not defined .broken.py, line 1"),
     ],
 )
 def test_a_law_that_cannot_be_used_is_refused_before_the_drive(own_file, tmp_path, name, words):
@@ -167,7 +177,24 @@ def test_a_law_that_cannot_be_used_is_refused_before_the_drive(own_file, tmp_pat
 
 
 def test_two_models_are_refused():
-    with pytest.raises(ConfigError, match="expected one model, found mdk-net and the controller"):
+    with pytest.raises(
+        ConfigError,
+        match="controller: expected no other model than lti",
+    ):
         simulate("straight", controller="lti", model="mdk-net")
     with pytest.raises(ConfigError, match="expected an object with a method control"):
         simulate("straight", controller=3)
+    with pytest.raises(ConfigError, match="expected an object, found the class Recorded"):
+        simulate("straight", controller=Recorded)
+    with pytest.raises(ConfigError, match="model: expected none beside the controller lti"):
+        simulate("straight", controller="lti", model=Bundle.load())
+
+
+def test_a_log_is_not_replayed_with_a_law_that_has_changed_since(tmp_path, own_file, capsys):
+    options = ["--bus=virtual", "--pace=lockstep", "--duration-s=1", "--scenario=straight"]
+    options += ["--controller", f"{own_file}:PurePursuit", "--record", str(tmp_path / "x.log")]
+    with pytest.raises(SystemExit):
+        cli.run_command(cli.app, options)
+    own_file.write_text(own_file.read_text().replace("50.0", "60.0"))
+    with pytest.raises(ConfigError, match="expected the recorded one, found that its file has"):
+        Replay(read_recorded_drive(tmp_path / "x.log"))

@@ -118,7 +118,10 @@ def test_frames_that_were_dropped_make_a_replay_incomplete(recorded_log, tmp_pat
         ("run.log.journal", lambda _: None, r"expected its journal run\.log\.journal .* keep them"),
         (
             "run.log.journal",
-            lambda lines: [re.sub('sha256":".{64}', f'sha256":"{64 * "0"}', lines[0]), *lines[1:]],
+            lambda lines: [
+                re.sub('"sha256":".{64}', f'"sha256":"{64 * "0"}', lines[0]),
+                *lines[1:],
+            ],
             r"expected the recorded one, 00000000, found .*--model",
         ),
     ],

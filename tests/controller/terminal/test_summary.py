@@ -56,6 +56,7 @@ def session_with(*results: Tick) -> ControllerSession:
         is_lockstep=False,
         inbox=SimpleNamespace(counts=ReceptionCounts(), condition=BusCondition()),
         planner=SimpleNamespace(name="lti"),
+        model="lti",
         outbox=SimpleNamespace(sent=0, send_failures=0, queue_full=0),
         record=record,
         recorder=None,
