@@ -148,15 +148,12 @@ def _outside(record: RunRecord) -> str:
 
 
 def fault_sentences(record: RunRecord) -> list[str]:
-    """A sentence for each fault that occurred, with its ticks and the time of the first one."""
-    ticks = {
-        fault: f"{n} ticks, first" if n > 1 else "1 tick,"
-        for fault, n in record.ticks_by_fault.items()
-        if n
-    }
+    """A sentence for each fault that occurred, the first one first, with its ticks and time."""
+    counts = record.ticks_by_fault
     return [
-        f"{FAULT_SENTENCES[fault]} ({fault.name}, {n} at {record.first_s_by_fault[fault]:.3f} s)"
-        for fault, n in ticks.items()
+        f"{FAULT_SENTENCES[fault]} ({fault.name}, {counts[fault]} "
+        f"{'ticks, first' if counts[fault] > 1 else 'tick,'} at {first_s:.3f} s)"
+        for fault, first_s in record.first_s_by_fault.items()
     ]
 
 

@@ -228,7 +228,6 @@ def test_a_busy_machine_is_named_after_a_cause_that_has_nothing_to_do_with_it(
 ):
     def end(session):
         session.record.ticks_by_fault[Fault.STATE_STALE] = 50
-        session.record.first_s_by_fault[Fault.STATE_STALE] = 0.0
         session.record.result = Tick(mode=Mode.SAFE_STOP, cause=cause)
         session.record.ending = Ending.SAFE_STOPPED
 
