@@ -111,6 +111,8 @@ class RunRecord:
     ending: Ending = Ending.STOPPED
     ticks_by_fault: dict[Fault, int] = field(default_factory=lambda: dict.fromkeys(Fault, 0))
     """ticks whose heartbeat had the fault"""
+    first_s_by_fault: dict[Fault, float] = field(default_factory=dict)
+    """time of the first of these ticks since that of the run; only of faults that occurred"""
     excess: Excess | None = None
     """what was furthest outside of the training of the model"""
     stop_tick: int | None = None
@@ -130,6 +132,7 @@ class RunRecord:
             self.excess = excess
         for fault in result.faults:
             self.ticks_by_fault[fault] += 1
+            self.first_s_by_fault.setdefault(fault, self.trace.last_s)
 
 
 class FinishedTick(NamedTuple):

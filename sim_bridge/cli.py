@@ -141,11 +141,11 @@ def _end(
         PlantError: the plant failed during the drive.
     """
     from rt_controller.bus.log.recorder import log_to_json
-    from rt_controller.report.table import Fact, facts_table, print_table
+    from rt_controller.report.table import Fact, facts_table, print_table, print_text
 
     summary, figures = bridge.summary(), bridge.figures()
     if summary.ticks > 0 or is_stopped:
-        Console(emoji=False).print(summary.text(is_stopped), highlight=False, soft_wrap=True)
+        print_text(summary.text(is_stopped), Console())
     if figures:
         facts = (Fact(figure.name, figure.text) for figure in figures)
         print_table(facts_table(facts, "figures of the scenario"), Console())

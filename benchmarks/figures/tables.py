@@ -9,6 +9,7 @@ from typing import Any
 from benchmarks.figures import scenario_fields as fields
 from benchmarks.figures.closed_loop import CONTROLLERS, MODELS, RIVALS, ROWS, Row, part_name
 from benchmarks.figures.results import Figures, Pieces
+from rt_controller.contract.signals import SYMBOLS
 from rt_controller.report.table import Column, Table, format_number, to_markdown
 
 
@@ -64,13 +65,24 @@ def rows_table(rows: Figures, head: str, title: str = "") -> Table:
     return _table((head, *map(_head, columns)), lines, title)
 
 
-SYMBOLS = {"vx": "v_x", "vy": "v_y", "yaw_rate": "yaw rate", "ds": "Δs", "ey": "e_y", "epsi": "e_ψ"}
+HEADS = {
+    **SYMBOLS,
+    "ey_rms_m": "lateral error RMS, m",
+    "ey_peak_m": "lateral error peak, m",
+    "epsi_peak_rad": "heading error peak, rad",
+    "speed_rms_mps": "speed error RMS, m/s",
+    "wheel_rate_rms_degps": "steering wheel rate RMS, deg/s",
+    "400_steps_s": "400 steps, s",
+    "median_ms": "median, ms",
+    "p99_ms": "p99, ms",
+}
+"""of columns, by the name in the figures"""
 
 
 def _head(key: str) -> str:
     """The name of a column; of a state its symbol."""
     name, space, unit = key.partition(" ")
-    return SYMBOLS.get(name, name.replace("_", " ")) + space + unit
+    return HEADS.get(name, name.replace("_", " ")) + space + unit
 
 
 def _text(x: Any) -> str:

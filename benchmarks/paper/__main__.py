@@ -17,7 +17,7 @@ from rt_controller.contract.files import write_text
 from rt_controller.contract.revision import source_revision
 from rt_controller.report.canvas import to_svg
 from rt_controller.report.page import Page, Part, Section, render_page, require_report_extra
-from rt_controller.report.table import Table, print_table
+from rt_controller.report.table import Table, print_table, print_text
 from rt_controller.terminal.command_line import run_command
 
 Name = Literal["table-1", "algorithm-1", "table-2", "figure-3", "figure-4", "computation-time"]
@@ -75,7 +75,7 @@ def main(
             write_text(output / f"{file}.svg", to_svg(plot.figure))
     page = output / "paper.html"
     write_text(page, render_page(_page(table, found.values())))
-    Console().print(f"{COMPARABLE}\n{page}", soft_wrap=True, highlight=False)
+    print_text(f"{COMPARABLE}\n{page}", Console())
     figures: Figures = {
         name: {"shows": each.shows, "summary": each.summary, "tables": dict(each.tables)}
         for name, each in found.items()

@@ -77,12 +77,12 @@ def evaluate(
         require_report_extra("--html")
         require_writable(html, "--html", suffix=".html")
     from offline.evaluation import tables
-    from rt_controller.report.table import print_table
+    from rt_controller.report.table import print_table, print_text
 
     evaluation = run_evaluation(model, data, baselines, sets)
     comparison, library = evaluation.comparison, evaluation.comparison.parts[0]
-    STDOUT.print(tables.headline(comparison), markup=False)
-    STDOUT.print(f"{library.size}: {library.description}", soft_wrap=True)
+    print_text(tables.headline(comparison), STDOUT)
+    print_text(f"{library.size}: {library.description}", STDOUT)
     chosen = tables.all_tables if all_tables else tables.screen_tables
     for table in chosen(comparison):
         print_table(table, STDOUT)

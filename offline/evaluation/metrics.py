@@ -17,7 +17,7 @@ from offline.evaluation.bootstrap import Estimate, estimate
 from offline.evaluation.predictor import Predictor, prediction_errors
 from offline.evaluation.test_sets import TestSet
 from rt_controller.contract.arrays import Array
-from rt_controller.contract.signals import Schema
+from rt_controller.contract.signals import SYMBOLS, Schema
 
 PROGRESS = "ds"
 """progress per period: the speed once more (correlation 0.997 on the training data), so the
@@ -43,11 +43,16 @@ class StateUnit(NamedTuple):
     """value in `unit` = per_si * value in the state's own unit"""
 
     @property
+    def symbol(self) -> str:
+        """The name as in the documents: v_x of vx."""
+        return SYMBOLS.get(self.name, self.name)
+
+    @property
     def squared_unit(self) -> str:
-        """Unit of a squared error as the paper prints it: "(km/h)^2", "m^2"."""
+        """Unit of a squared error: (km/h)², m²."""
         if self.unit in ("", "1"):
             return "1"
-        return f"{self.unit}^2" if self.unit.isalpha() else f"({self.unit})^2"
+        return f"{self.unit}²" if self.unit.isalpha() else f"({self.unit})²"
 
 
 def state_units(schema: Schema) -> tuple[StateUnit, ...]:

@@ -44,7 +44,9 @@ def evaluation_page(
     bars = [Plot(ratio_bars(comparison), text)] if comparison.names[1:] else []
     caption = "RMS error over the time since the measured state; the bands are 95 % intervals."
     sections = [
-        Section("Errors", (mse_table(comparison),)),
+        Section(
+            "Errors", ("Mean squared errors; the terminal has their roots.", mse_table(comparison))
+        ),
         Section("Comparison with baselines", (*bars,)),
         Section("Eigenvalues", (Plot(eigenvalues(names, bundles), "Of A, and the unit circle."),)),
     ]
@@ -82,7 +84,7 @@ def rms_over_time(comparison: Comparison) -> Figure:
             bottom = max(bottom, drawn.min() / LARGEST_DRAWN)
             axes.set_ylim(bottom, min(top, drawn.max() * LARGEST_DRAWN))
         set_log_scale(axes, "y")
-        axes.set_title(f"{state.name} / {state.unit or '1'}", loc="left")
+        axes.set_title(f"{state.symbol} / {state.unit or '1'}", loc="left")
         axes.set_xlabel("time / s")
     for axes in panels[len(comparison.states) :]:
         axes.set_axis_off()
@@ -93,7 +95,7 @@ def rms_over_time(comparison: Comparison) -> Figure:
 def ratio_bars(comparison: Comparison) -> Figure:
     """Errors of the others over the reference's: a panel for each state and the geometric mean."""
     others = [name for name in comparison.library if name != comparison.names[0]]
-    heads = [*(state.name for state in comparison.states), "geom. mean"]
+    heads = [*(state.symbol for state in comparison.states), "geom. mean"]
     figure, panels = empty_figure(1, len(heads), 0.9 + 0.3 * len(others), sharex=True, sharey=True)
     ends = [1.0]
     for i, (axes, head) in enumerate(zip(panels, heads, strict=True)):

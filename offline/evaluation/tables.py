@@ -61,38 +61,35 @@ def mse_table(comparison: Comparison) -> Table:
     counts = {name: comparison.library[name][0].diverged for name in comparison.names}
     diverged = ", ".join(f"{name} on {count}" for name, count in counts.items() if count)
     note = f"Second line: {INTERVAL}" if comparison.parts[0].n_episodes > 1 else NO_INTERVALS
-    if diverged:
-        note = f"No finite prediction: {diverged} trajectories."
     return _library_table(
         comparison,
         f"MSE over {_steps(comparison)} steps of each model",
-        [Column(each.name, each.squared_unit) for each in comparison.states],
+        [Column(each.symbol, each.squared_unit) for each in comparison.states],
         comparison.names,
         lambda rows: [_cell(row.mse, row.mse_low, row.mse_high) for row in rows],
-        [note],
+        [note, *([f"No finite prediction: {diverged} trajectories."] if diverged else [])],
     )
 
 
 def rms_table(comparison: Comparison, with_intervals: bool = False) -> Table:
-    """Root mean square errors on the library, and the ratio of the squared ones.
-
-    `with_intervals`: of the errors; otherwise only the ratio has one.
-    """
+    """Root mean square errors on the library, and the ratio of the squared ones."""
 
     def cells(rows: Sequence[Errors]) -> list[Cell | str]:
-        n = len(comparison.states)
-        errors = (_cell(*np.sqrt([row.mse, row.mse_low, row.mse_high])) for row in rows[:n])
-        ratio = NO_VALUE if rows[n].model == comparison.names[0] else _inline(rows[n])
-        return [*(cell if with_intervals else cell.text for cell in errors), ratio]
+        *errors, mean = rows[: len(comparison.states) + 1]
+        ratio = NO_VALUE if mean.model == comparison.names[0] else _ratio(mean, with_intervals)
+        if not with_intervals:
+            return [*(format_number(row.rms, 3) for row in errors), ratio]
+        return [*(_cell(*np.sqrt([row.mse, row.mse_low, row.mse_high])) for row in errors), ratio]
 
-    states = [Column(each.name, each.unit) for each in comparison.states]
+    states = [Column(each.symbol, each.unit) for each in comparison.states]
+    note = _ratio_note(comparison)
     return _library_table(
         comparison,
-        f"RMS error over {_steps(comparison)} steps of each model",
-        [*states, Column("MSE over that of", comparison.names[0])],
+        f"RMS error over {_steps(comparison)} steps",
+        [*states, Column("MSE", "ratio")],
         comparison.names,
         cells,
-        [f"Last column: geometric mean over the states, in brackets {INTERVAL}"],
+        [f"{note} In brackets: {INTERVAL}" if with_intervals else note],
     )
 
 
@@ -108,7 +105,7 @@ def ratio_table(comparison: Comparison) -> Table:
     return _library_table(
         comparison,
         f"MSE of each model over MSE of {reference}; above 1, {reference} is better",
-        [*(Column(each.name) for each in comparison.states), *means],
+        [*(Column(each.symbol) for each in comparison.states), *means],
         others,
         lambda rows: [
             _cell(row.over_reference, row.over_reference_low, row.over_reference_high)
@@ -121,25 +118,28 @@ def ratio_table(comparison: Comparison) -> Table:
 def parts_table(comparison: Comparison, parts: Sequence[Part]) -> Table:
     """On each part: the best linear baseline and other models over the reference."""
     reference, *others = comparison.models
-    columns = [Column("part", is_text=True), Column("trajec-", "tories")]
+    columns = [Column("part", is_text=True)]
     if comparison.linear:
-        columns += [Column("best linear", is_text=True), Column("its MSE", "ratio")]
-        columns.append(Column("smallest", "of a state"))
-    columns += [*(Column(name, "MSE ratio") for name in others), Column("over the", "library")]
+        columns += [Column("best linear", is_text=True), Column("MSE ratio")]
+    columns += [*(Column(name, "MSE ratio") for name in others), Column("own MSE", "ratio")]
     lines, n = list[Row](), len(comparison.states)
     for part in parts:
-        cells = [part.name, f"{part.n_trajectories}"]
+        cells = [part.name]
         if best := comparison.best_linear(part.name):
-            rows = comparison.table[part.name, best]
-            ratios = np.array([row.over_reference for row in rows[:n]])
-            least = rows[int(np.argmin(np.nan_to_num(ratios, nan=np.inf)))]
-            smallest = f"{format_number(least.over_reference, 3)} {least.state}"
-            cells += [best, _inline(rows[n]), smallest]
-        cells += [_inline(comparison.table[part.name, name][n]) for name in others]
+            cells += [best, _ratio(comparison.table[part.name, best][n])]
+        cells += [_ratio(comparison.table[part.name, name][n], False) for name in others]
         own = comparison.table[part.name, reference][n]
         lines.append((*cells, format_number(own.over_library, 3)))
-    title = f"MSE over that of {reference} on each part, and its own over that on the library"
-    return Table(f"{title}; geometric means over the states", tuple(columns), tuple(lines))
+    notes = (
+        f"{_ratio_note(comparison)} In brackets: {INTERVAL}",
+        f"Own MSE ratio: MSE of {reference} over its own on the library, geometric mean.",
+    )
+    return Table(f"Errors of {reference} on each part", tuple(columns), tuple(lines), notes)
+
+
+def _ratio_note(comparison: Comparison) -> str:
+    first = comparison.names[0]
+    return f"MSE ratio: MSE over that of {first}, geometric mean over the states."
 
 
 def _library_table(
@@ -170,9 +170,9 @@ def _cell(value: float, low: float, high: float) -> Cell:
     return Cell(format_number(value), _interval(low, high))
 
 
-def _inline(row: Errors) -> str:
-    """A ratio to the reference with its interval in brackets."""
-    interval = _interval(row.over_reference_low, row.over_reference_high)
+def _ratio(row: Errors, with_interval: bool = True) -> str:
+    """A ratio to the reference, with its interval in brackets."""
+    interval = with_interval and _interval(row.over_reference_low, row.over_reference_high)
     return format_number(row.over_reference, 3) + (f" ({interval})" if interval else "")
 
 

@@ -26,7 +26,8 @@ class Fault(IntFlag):
 
 NO_FAULT = Fault(0)
 FAULT_SENTENCES = {
-    Fault.STATE_STALE: "No new vehicle state arrived in time.",
+    Fault.STATE_STALE: "No new vehicle state arrived in time; for two ticks at most the last plan "
+    "is followed, then the car is stopped.",
     Fault.STATE_INVALID: "The vehicle state had values that may not be used.",
     Fault.SOLVER_FAILED: "No input was planned: the QP was not solved, or the control law failed.",
     Fault.DEADLINE_MISSED: "The commands were sent after their deadline.",

@@ -21,9 +21,11 @@ def split_roads(name: str) -> tuple[str, str]:
 
 
 def near_names(found: str, names: Collection[str], most: int = 1) -> list[str]:
-    """Those of the names that `found` may be a misspelling of, the nearest first."""
+    """Those of the names that `found` may be, the nearest first: without its unit, or misspelt."""
     lowered = {name.lower(): name for name in names}
-    return [lowered[name] for name in get_close_matches(found.lower(), lowered, most, NEAR)]
+    whole = [name for name in lowered if name.startswith(f"{found.lower()}_")]
+    near = [*whole, *get_close_matches(found.lower(), lowered, most, NEAR)]
+    return [lowered[name] for name in dict.fromkeys(near)][:most]
 
 
 def hint(found: str, names: Collection[str]) -> str:

@@ -200,6 +200,8 @@ VEHICLE = Schema(
     dt_s=PERIOD_S,
 )
 """of the car in the Frenet frame of its road"""
+SYMBOLS = {"vx": "v_x", "vy": "v_y", "yaw_rate": "yaw rate", "ds": "Δs", "ey": "e_y", "epsi": "e_ψ"}
+"""of the states in tables, by their names without the unit"""
 N_STATES = len(VEHICLE.states)
 N_INPUTS = len(VEHICLE.inputs)
 N_EXOGENOUS = len(VEHICLE.exogenous)

@@ -14,7 +14,7 @@ import numpy as np
 from rich import box
 from rich.console import Console
 from rich.measure import Measurement
-from rich.segment import Segments
+from rich.segment import Segment, Segments
 from rich.table import Table as RichTable
 from rich.text import Text
 
@@ -104,7 +104,22 @@ def print_table(table: Table, console: Console) -> None:
     for part in _parts(table, console):
         shown = to_rich(part)
         options = console.options.update(width=max(console.width, _least_width(part, console)))
-        console.print(Segments(console.render(shown, options)), crop=False, end="")
+        lines = Segment.split_lines(console.render(shown, options))
+        segments = [each for line in lines for each in (*_without_padding(line), Segment.line())]
+        console.print(Segments(segments), crop=False, end="")
+
+
+def print_text(text: str, console: Console) -> None:
+    """Print sentences literally: a terminal wraps them at spaces, a pipe or a file does not."""
+    is_piped = not console.is_terminal
+    console.print(text, highlight=False, markup=False, emoji=False, soft_wrap=is_piped)
+
+
+def _without_padding(line: list[Segment]) -> list[Segment]:
+    """The line without the blanks at its end."""
+    while line and not line[-1].text.strip():
+        line.pop()
+    return [*line[:-1], *(each._replace(text=each.text.rstrip()) for each in line[-1:])]
 
 
 def _stacked(table: Table) -> Table:

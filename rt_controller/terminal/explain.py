@@ -29,6 +29,7 @@ from rt_controller.report.table import (
     facts_table,
     format_number,
     print_table,
+    print_text,
 )
 from rt_controller.safety.freshness import REFERENCE_MAX_AGE_NS, STATE_MAX_AGE_NS, TIMING_SLACK_NS
 from rt_controller.safety.tick import Tick
@@ -64,7 +65,7 @@ def explain_at_terminal(
         drive = read_recorded_drive(log)
         with closing(Replay(drive, model)) as replay:
             page = _explain(drive, replay, _begin_of_stop(drive) if number is None else number)
-    Console(emoji=False).print(page["sentence"], highlight=False, markup=False, soft_wrap=True)
+    print_text(page["sentence"], Console())
     for table in _tables(page):
         print_table(table, Console())
     write_figures(json_file, page)

@@ -42,8 +42,8 @@ class RunOptions(ControllerConfig, CarSettings, BusSettings):
     json_file: Annotated[Path | None, Parameter(name="--json")] = Field(None, alias="json")
     """write the summary to this JSON file"""
     plot: Path | None = None
-    """draw the drive into this file: .png, .svg or .pdf; .gif is a moving picture from above,
-    on a straightened road"""
+    """draw the drive into this file: .png, .svg or .pdf; .gif is a moving picture from above: the
+    whole drive, and below it the road around the car"""
     ticks: Path | None = None
     """write the times of every tick of the last hour to this CSV file"""
     check: bool = False

@@ -27,7 +27,7 @@ from rt_controller.model.artifact import find_model, load_bundle
 from rt_controller.model.validation import explain_missing_plans
 from rt_controller.node import build_planner, choose_low_speed_car, plan_at_constant_speed
 from rt_controller.realtime.clock import Clock, LockstepClock, RealtimeClock
-from rt_controller.report.table import Fact, facts_table, print_table
+from rt_controller.report.table import Fact, facts_table, print_table, print_text
 from rt_controller.safety.modes import BUS_CAUSES, RECOVERABLE_BUS_CAUSES
 from rt_controller.session import ControllerSession
 from rt_controller.settings import CAR_PRIORITY
@@ -161,7 +161,7 @@ def _write(
     error = None if car is None else car_error(car)
     braking, console = _vehicle_braking(session, car), Console(emoji=False)
     for sentence in (verdict(session.record, error, braking), *fault_sentences(session.record)):
-        console.print(sentence, highlight=False, markup=False, soft_wrap=True)
+        print_text(sentence, console)
     print_table(to_table(session, error, braking, options.verbose), console)
     if figures:
         facts = (Fact(figure.name, figure.text) for figure in figures)

@@ -23,7 +23,7 @@ from rt_controller.mapping.car_file import CarFile, read_car
 from rt_controller.mapping.relations import HELP, HOLDS, Comparison
 from rt_controller.model.artifact import find_model, load_bundle
 from rt_controller.realtime.scheduling import real_time_process, set_thread_priority
-from rt_controller.report.table import Cell, Column, Table, format_number, print_table
+from rt_controller.report.table import Cell, Column, Table, format_number, print_table, print_text
 from rt_controller.settings import BusSettings
 from rt_controller.terminal.entry import INTERRUPTED
 from rt_controller.terminal.progress import announce, show
@@ -180,7 +180,7 @@ def _print(report: CheckReport) -> None:
     relations = tuple((text, _verdict(found)) for text, found in report.relations.items())
     heads = (Column("relation", is_text=True), Column("", is_text=True))
     print_table(Table("Relations between signals", heads, relations), Console())
-    plain = partial(Console().print, highlight=False, markup=False, soft_wrap=True)
+    plain = partial(print_text, console=Console())
     if any(each.is_contradicted for each in report.relations.values()):
         plain(f"{HELP}.")
     for name, count in report.dropped.items():

@@ -100,6 +100,7 @@ def record_to_json(record: RunRecord) -> dict[str, Any]:
         else {**deadlines.worst._asdict(), "cause": deadlines.worst.cause.name},
         **{field: deadlines.percentiles(field)._asdict() for field in TickTimes._fields},
         "ticks_by_fault": {fault.name: n for fault, n in record.ticks_by_fault.items() if n},
+        "first_s_by_fault": {fault.name: s for fault, s in record.first_s_by_fault.items()},
         "outside_training": record.excess and record.excess.text,
     }
 
@@ -134,7 +135,7 @@ def verdict(record: RunRecord, car: LateralError | None = None, braking: str = "
     if record.ending is Ending.STOPPED:
         text += "; it was stopped on request"
     elif speed_mps is not None and speed_mps > STANDING_MPS:
-        text += f"; it was released at {speed_mps * 3.6:.0f} km/h"
+        text += f"; the drive ended at {speed_mps * 3.6:.0f} km/h, as if a driver took over"
     return f"{text}; {explain_braking(braking)}." if braking else f"{text}."
 
 
@@ -147,11 +148,12 @@ def _outside(record: RunRecord) -> str:
 
 
 def fault_sentences(record: RunRecord) -> list[str]:
-    """A sentence for each fault that occurred, with the number of its ticks."""
+    """A sentence for each fault that occurred, the first one first, with its ticks and time."""
+    counts = record.ticks_by_fault
     return [
-        f"{FAULT_SENTENCES[fault]} ({fault.name}, {n} tick{'s' if n > 1 else ''})"
-        for fault, n in record.ticks_by_fault.items()
-        if n
+        f"{FAULT_SENTENCES[fault]} ({fault.name}, {counts[fault]} "
+        f"{'ticks, first' if counts[fault] > 1 else 'tick,'} at {first_s:.3f} s)"
+        for fault, first_s in record.first_s_by_fault.items()
     ]
 
 

@@ -14,6 +14,7 @@ from rt_controller.report.table import (
     facts_table,
     format_number,
     print_table,
+    print_text,
     to_markdown,
 )
 
@@ -37,7 +38,9 @@ def printed(table, width):
 
 @pytest.mark.parametrize("width", [10, 80])
 def test_terminal_shows_every_text_in_full_however_narrow_it_is(width):
-    text = " ".join(printed(TABLE, width).split())
+    lines = printed(TABLE, width).splitlines()
+    assert lines == [line.rstrip() for line in lines]
+    text = " ".join(" ".join(lines).split())
     for shown in ("Errors [red] of all models", "0.1234", "0.101–0.149", "first car",
                   "lti [bold]", "12345", "missed", "a note", "km/h"):  # fmt: skip
         assert shown in text
@@ -47,6 +50,15 @@ def test_long_text_wraps_inside_the_terminal():
     text = printed(facts_table([Fact("name", "words " * 40)]), 60)
     assert max(map(len, text.splitlines())) <= 60
     assert text.count("words") == 40
+
+
+@pytest.mark.parametrize(
+    ("is_terminal", "lines"), [(True, ["at 80 km/h", "[x]."]), (False, ["at 80 km/h [x]."])]
+)
+def test_sentences_wrap_at_spaces_on_a_terminal_only(is_terminal, lines):
+    file = StringIO()
+    print_text("at 80 km/h [x].", Console(file=file, width=10, force_terminal=is_terminal))
+    assert [line.rstrip() for line in file.getvalue().splitlines()] == lines
 
 
 def test_a_word_is_broken_only_if_it_is_wider_than_the_terminal():

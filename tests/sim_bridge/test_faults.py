@@ -210,6 +210,7 @@ def test_a_signal_has_the_name_of_the_contract_or_of_the_dbc() -> None:
         ({"kind": "state_delayed", "delay_s": 0.1, "signal": "ey_m"}, "found signals and messages"),
         ({"kind": "bias", "signals": ["Mode"], "value": 1.0}, "where several frames"),
         ({"kind": "bias", "signals": ["VelocityZ"], "value": 1.0}, "did you mean Velocity"),
+        ({"kind": "bias", "signals": ["ey"], "value": 1.0}, "did you mean ey_m?"),
         ({"kind": "drop", "messages": ["state"], "counter": "own"}, "counter: expected none"),
         ({"kind": "drop", "messages": ["state"], "probability": 1.5}, "less than or equal to 1"),
         ({"kind": "masquerade", "frame_id": 5, "data": "0g"}, "hexadecimal"),

@@ -95,7 +95,12 @@ OVER = Ending.MISSION_OVER
 @pytest.mark.parametrize(
     ("results", "ending", "braking", "expected"),
     [
-        ([driving(0.034), driving(-0.01)], OVER, "", "within 25 cm; no step was late; .* 72 km/h."),
+        (
+            [driving(0.034), driving(-0.01)],
+            OVER,
+            "",
+            "within 25 cm; no step was late; .* 72 km/h, as.*",
+        ),
         ([FAST], OVER, "", r"within 25 cm, but not its speed \(up to 7.2 m/s off\); no step .*"),
         ([OUTSIDE, TURNED] * 4, OVER, "", "within 25 cm; 0.2 s .* 8.1 of 7.4 m/s²; no .* late."),
         (
@@ -126,13 +131,15 @@ def test_the_verdict_is_one_sentence_about_the_drive(results, ending, braking, e
 def test_every_fault_that_occurred_is_explained_in_a_sentence():
     both = Fault.PREVIEW_IMPLAUSIBLE | Fault.DEADLINE_MISSED
     session = session_with(
-        *(driving(faults=f) for f in (both, Fault.PREVIEW_IMPLAUSIBLE, Fault(0)))
+        *(driving(faults=f) for f in (Fault(0), both, Fault.PREVIEW_IMPLAUSIBLE, Fault(0)))
     )
-    assert to_json(session)["ticks_by_fault"] == {"DEADLINE_MISSED": 1, "PREVIEW_IMPLAUSIBLE": 2}
+    figures = to_json(session)
+    assert figures["ticks_by_fault"] == {"DEADLINE_MISSED": 1, "PREVIEW_IMPLAUSIBLE": 2}
+    assert figures["first_s_by_fault"] == {"DEADLINE_MISSED": 0.025, "PREVIEW_IMPLAUSIBLE": 0.025}
     assert fault_sentences(session.record) == [
-        "The commands were sent after their deadline. (DEADLINE_MISSED, 1 tick)",
+        "The commands were sent after their deadline. (DEADLINE_MISSED, 1 tick, at 0.025 s)",
         "The curvature ahead contradicted the state or the one before, and was not used. "
-        "(PREVIEW_IMPLAUSIBLE, 2 ticks)",
+        "(PREVIEW_IMPLAUSIBLE, 2 ticks, first at 0.025 s)",
     ]
     assert set(FAULT_SENTENCES) == set(Fault)
     assert fault_sentences(session_with(driving()).record) == []
