@@ -7,6 +7,7 @@ Results may be kept in a file of JSON lines: the same command then goes on after
 import json
 import os
 import signal
+import sys
 import threading
 import warnings
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
@@ -176,9 +177,12 @@ def _ctrl_c_deferred() -> Iterator[None]:
         return
     from joblib.externals.loky.backend import resource_tracker as loky_tracker
 
-    # Started first: the start of a tracker unblocks Ctrl-C.
+    # Started first: the start of a tracker unblocks Ctrl-C. It clears away what an end at once
+    # leaves behind, and need not say so; it takes the options of this interpreter.
+    sys.warnoptions.append("ignore")
     resource_tracker.ensure_running()
     loky_tracker.ensure_running()
+    sys.warnoptions.remove("ignore")
     received = list[int]()
     mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # others inherit it
     # Another thread of this process may still receive it.
