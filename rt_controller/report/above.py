@@ -16,7 +16,7 @@ from rt_controller.report.canvas import FAINT, PAGE_IN
 CAR, TRAIL, CONE, EDGE, HORIZON = "#2f6fb3", "#9dc1e6", "#d9822b", "#5b6773", "#c0392b"
 NOMINAL = "#c9d2da"
 STYLES: Mapping[str, Any] = {
-    "centre": {"color": NOMINAL, "linewidth": 0.7, "linestyle": (0, (8, 6))},
+    "centre": {"color": EDGE, "linewidth": 0.8, "linestyle": ":", "label": "reference line"},
     "edge": {"color": EDGE, "linewidth": 1.0, "label": "lanes"},
     "nominal": {"color": NOMINAL, "linewidth": 1.0},
     "path": {"color": FAINT, "linewidth": 1.2, "linestyle": "--", "label": "path"},
@@ -25,7 +25,7 @@ STYLES: Mapping[str, Any] = {
 """of the lines of a `PlanView`"""
 HORIZONS = 7
 """shown in one picture"""
-PLACES = 12
+PLACES = 24
 """with outline and time, about, along one drive"""
 
 
