@@ -25,6 +25,8 @@ STYLES: Mapping[str, Any] = {
 """of the lines of a `PlanView`"""
 HORIZONS = 7
 """shown in one picture"""
+TALLEST_IN = 4.2
+"""of a panel, without its names"""
 PLACES = 24
 """with outline and time, about, along one drive"""
 
@@ -33,11 +35,14 @@ def head_height_in(views: Sequence[PlanView]) -> float:
     """Height of a panel as wide as the page that shows these drives."""
     low, high = extent(views)
     width_m, height_m = high - low
-    return float(np.clip((PAGE_IN - 1.0) * height_m / width_m, 0.9, 4.2)) + 0.6
+    return float(np.clip((PAGE_IN - 1.0) * height_m / width_m, 0.9, TALLEST_IN)) + 0.6
 
 
 def set_window(axes: Axes, low: Array, high: Array) -> None:
-    """Show the part between these corners (2,), or more where the scale asks for it."""
+    """Show the part between these corners (2,), or more of y where the scale asks for it."""
+    width_m, height_m = high - low
+    if height_m * (PAGE_IN - 1.0) > TALLEST_IN * width_m:
+        axes.set_adjustable("box")  # a narrower panel, not one that is half empty
     axes.set_xlim(low[0], high[0], auto=True)
     axes.set_ylim(low[1], high[1], auto=True)
 

@@ -104,7 +104,8 @@ def drive_page(drives: Sequence[ReportedDrive]) -> Page:
     for each in drives:
         first, *others = each.figures["headline"]
         introduction += [f"{each.name}: {first}" if len(drives) > 1 else first, *others]
-        introduction += (f"Note: {note}" for note in each.figures["notes"])
+        note_on = f"Note on {each.name}" if len(drives) > 1 else "Note"
+        introduction += (f"{note_on}: {note}" for note in each.figures["notes"])
     sections = (
         Section("From above", (play(by_label),)),
         Section("Figures", (_figures_table("", figures, drives),)),

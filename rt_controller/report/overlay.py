@@ -120,7 +120,14 @@ def draw_drives(
             label = f"{curve_name} / {printed_unit(curve.unit)}".replace(": ", ":\n")
             axis.set_ylabel(label, fontsize="small")
         if len(found) > 2:
-            _limit_to_most(axis, [curve.values for _, curve, _ in found])
+            _limit_to_most(
+                axis,
+                {
+                    name: of[curve_name].values
+                    for name, of in zip(names, curves, strict=True)
+                    if curve_name in of
+                },
+            )
         _draw_bounds(axis, [(time_s, curve) for time_s, curve, _ in found])
         _shade(axis, list(drives.values()), colors)
     figure.align_ylabels(panels)
@@ -128,14 +135,14 @@ def draw_drives(
     return figure
 
 
-def _limit_to_most(axis: "Axes", curves: Sequence[Array]) -> None:
+def _limit_to_most(axis: "Axes", curves: Mapping[str, Array]) -> None:
     """Cut off a curve whose peak is far above that of all others, so that these can be read."""
-    peaks = [float(np.nanmax(np.abs(values), initial=0.0)) for values in curves]
-    *_, second, largest = sorted(peaks)
+    peaks = {name: float(np.nanmax(np.abs(c), initial=0.0)) for name, c in curves.items()}
+    *_, second, largest = sorted(peaks.values())
     if 0.0 < LARGEST_RATIO * second < largest:
         low, high = axis.get_ylim()
         axis.set_ylim(max(low, -LARGEST_RATIO * second), min(high, LARGEST_RATIO * second))
-        text = f"cut off: one curve has a peak of {largest:.3g}"
+        text = f"cut off: {max(peaks, key=peaks.__getitem__)}, whose peak is {largest:.3g}"
         axis.set_title(text, loc="left", fontsize="small", pad=2.0)
 
 
