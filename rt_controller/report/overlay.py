@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.errors import needs_extra
@@ -109,26 +110,19 @@ def draw_drives(
     for axis, curve_name in zip(panels, shown, strict=True):
         axis.margins(y=0.15)
         found = [
-            (drive["time_s"], of_drive[curve_name], styles[name])
+            (name, drive["time_s"], of_drive[curve_name])
             for (name, drive), of_drive in zip(drives.items(), curves, strict=True)
             if curve_name in of_drive
         ]
-        for time_s, curve, style in found:
+        for name, time_s, curve in found:
             if curve.wanted is not None:
                 axis.plot(time_s, curve.wanted, "--", color=FAINT, linewidth=1.2)
-            axis.plot(time_s, curve.values, **style)
+            axis.plot(time_s, curve.values, **styles[name])
             label = f"{curve_name} / {printed_unit(curve.unit)}".replace(": ", ":\n")
             axis.set_ylabel(label, fontsize="small")
         if len(found) > 2:
-            _limit_to_most(
-                axis,
-                {
-                    name: of[curve_name].values
-                    for name, of in zip(names, curves, strict=True)
-                    if curve_name in of
-                },
-            )
-        _draw_bounds(axis, [(time_s, curve) for time_s, curve, _ in found])
+            _limit_to_most(axis, {name: curve.values for name, _, curve in found})
+        _draw_bounds(axis, [(time_s, curve) for _, time_s, curve in found])
         _shade(axis, list(drives.values()), colors)
     figure.align_ylabels(panels)
     panels[-1].set_xlabel("time / s")
@@ -162,7 +156,7 @@ def _draw_bounds(axis: "Axes", curves: Sequence[tuple[Array, Curve]]) -> None:
         axis.set_title(text, loc="right", fontsize="small", color=BOUND, pad=2.0)
 
 
-def _is_degraded(drive: Drive) -> Array:
+def _is_degraded(drive: Drive) -> NDArray[np.bool_]:
     return np.isin(drive["mode"], (Mode.HOLD_PLAN, Mode.SAFE_STOP))
 
 
