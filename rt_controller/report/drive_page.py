@@ -73,6 +73,10 @@ _EVENTS = {
     "why": Column("why", is_text=True, width="long"),
 }
 """key of the figures: column of the page"""
+_REFUSED = (
+    "A check refused states. Errors and places of the car are as received, with these states; a "
+    "log does not have the true ones."
+)
 _CAPTION = (
     "From above, then over the time since the first tick: signals, the checks that came closest to "
     "their thresholds, and the time from the first received frame of a step to its last sent one. "
@@ -105,7 +109,8 @@ def drive_page(drives: Sequence[ReportedDrive]) -> Page:
         first, *others = each.figures["headline"]
         introduction += [f"{each.name}: {first}" if len(drives) > 1 else first, *others]
         note_on = f"Note on {each.name}" if len(drives) > 1 else "Note"
-        introduction += (f"{note_on}: {note}" for note in each.figures["notes"])
+        refused = (_REFUSED,) if is_received[each.name] else ()
+        introduction += (f"{note_on}: {note}" for note in (*refused, *each.figures["notes"]))
     sections = (
         Section("From above", (play(by_label),)),
         Section("Figures", (_figures_table("", figures, drives),)),

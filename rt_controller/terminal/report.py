@@ -42,13 +42,7 @@ from rt_controller.terminal.stop_message import (
     explain_stop,
     plausibility_margins,
 )
-from rt_controller.terminal.summary import (
-    fault_sentences,
-    has_rejected_states,
-    record_to_json,
-    verdict,
-    why_late,
-)
+from rt_controller.terminal.summary import fault_sentences, record_to_json, verdict, why_late
 
 
 def report_at_terminal(
@@ -72,13 +66,10 @@ def report_at_terminal(
             f"Name another file with --output; --overwrite replaces it."
         )
     drives = []
-    for name, each in zip(names, recorded, strict=True):
-        with (
-            announce(f"replaying {each.path}", is_quiet),
-            threadpool_limits(1, "blas"),
-            closing(Replay(each, model)) as replay,
-        ):
-            drives.append(_Account(name, each, replay).reported())
+    with threadpool_limits(1, "blas"):
+        for name, each in zip(names, recorded, strict=True):
+            with announce(f"replaying {each.path}", is_quiet), closing(Replay(each, model)) as it:
+                drives.append(_Account(name, each, it).reported())
     with announce("drawing", is_quiet):
         written = save_page(drive_page(drives), page_file, "--output")
     for drive in drives:
@@ -188,11 +179,6 @@ class _Account:
 
     def _notes(self) -> Iterator[str]:
         """What limits the page."""
-        if has_rejected_states(self._record):
-            yield (
-                "A check refused states. Errors and places of the car on this page are as "
-                "received, with these states; a log does not have the true ones."
-            )
         changed = self._recorded.header.changed_versions()
         if changed:
             yield f"Recorded by other versions: {', '.join(changed)}."
