@@ -74,6 +74,8 @@ class Ending(Enum):
     ENDED_AT_ONCE = "ended at once by a third request"
     SAFE_STOPPED = "ended in a safe stop"
     REFUSED = "the car was not taken over"
+    LOG_ENDED = "the log ends while the car was driven, cause unknown"
+    """of a recorded drive only"""
 
 
 class StopRequest:

@@ -12,6 +12,7 @@ from offline.commands.options import LATEST_RUN, JsonFile, require_ready
 from offline.commands.terminal import STDERR, STDOUT
 from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.figures import require_writable, write_figures
+from rt_controller.contract.names import label_paths
 from rt_controller.terminal.command_line import new_app, run_command
 
 if TYPE_CHECKING:
@@ -271,14 +272,7 @@ def label_models(folders: Sequence[Path], taken: Collection[str] = ()) -> tuple[
     """
     paths = [folder.resolve() for folder in folders]
     paths = [path.parent if path.name == "bundle" else path for path in paths]
-    for depth in range(1, max(len(path.parts) for path in paths) + 1):
-        names = ["/".join(path.parts[-depth:]) for path in paths]
-        if len({*names, *taken}) == len(names) + len(taken):
-            return tuple(names)
-    raise ConfigError(
-        f"--model: expected different bundles, found one of them twice among "
-        f"{', '.join(map(str, folders))}."
-    )
+    return label_paths(paths, "--model", taken)
 
 
 def _notify(text: str) -> None:

@@ -3,6 +3,9 @@
 import re
 from collections.abc import Collection, Sequence
 from difflib import get_close_matches
+from pathlib import Path
+
+from rt_controller.contract.errors import ConfigError
 
 MODEL_FOLDER = "a folder that offline-export wrote"
 """what a model may be that is not a shipped one"""
@@ -18,6 +21,23 @@ def split_roads(name: str) -> tuple[str, str]:
     """
     found = _ROADS_OF_MAP.fullmatch(name)
     return (found[1], found[2]) if found else (name, "")
+
+
+def label_paths(paths: Sequence[Path], option: str, taken: Collection[str] = ()) -> tuple[str, ...]:
+    """A label for each path: its last part, with as many folders before it as make it unique.
+
+    Raises:
+        ConfigError: `option` names one of them twice, or `taken` has all labels of one.
+    """
+    parts = [path.resolve().parts for path in paths]
+    for depth in range(1, max(map(len, parts)) + 1):
+        labels = ["/".join(each[-depth:]) for each in parts]
+        if len({*labels, *taken}) == len(labels) + len(taken):
+            return tuple(labels)
+    raise ConfigError(
+        f"{option}: expected different paths, found one of them twice among "
+        f"{', '.join(map(str, paths))}. Name each of them once."
+    )
 
 
 def near_names(found: str, names: Collection[str], most: int = 1) -> list[str]:

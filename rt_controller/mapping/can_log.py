@@ -171,12 +171,14 @@ def _incompleteness(path: Path) -> str:
         head = file.read(_READ_BYTES).lower()
         file.seek(max(0, os.path.getsize(path) - _READ_BYTES))
         tail = file.read().lower()
+    if not head or b"\0" in head:
+        return f"expected lines of text, found {'binary data' if head else 'an empty file'}"
     if b"timestamps relative" in head:
         return (
             "expected times since the beginning, found 'timestamps relative', which count from "
             "the event before: export it with absolute time stamps"
         )
-    last = tail.splitlines()[-1].decode("utf-8", "replace") if tail else ""
+    last = tail.splitlines()[-1].decode("utf-8", "replace")
     has_no_end = b"begin triggerblock" in head and b"end triggerblock" not in tail
     if not has_no_end and (tail.endswith(b"\n") or "end triggerblock" in last):
         return ""

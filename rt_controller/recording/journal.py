@@ -215,11 +215,11 @@ def read_journal(log: Path) -> tuple[Header, list[TickRecord]]:
                 ticks.append(tick.validate_python(_object(line)))
         return header, ticks
     except (Refused, _NoObjectError) as error:
-        found = explain(error, dotted) if isinstance(error, Refused) else "found another text."
+        found = explain(error, dotted) if isinstance(error, Refused) else f"{error}."
         raise ConfigError(
-            f"{path}, line {number}: expected the journal of a log, one line of JSON a tick, "
-            f"written by this version:\n{found}\nCopy it again, or use the version that recorded "
-            f"it; a journal that was cut off may end after any line."
+            f"{path}, line {number}: expected a JSON object, one a tick, as this version writes "
+            f"them:\n{found}\nCopy it again, or use the version that recorded it; a journal that "
+            f"was cut off may end after any whole line."
         ) from error
     except FileNotFoundError:
         if not log.exists():
@@ -248,5 +248,5 @@ def _object(line: str | bytes) -> dict[str, Any]:
     except (ValueError, RecursionError):
         content = None
     if not isinstance(content, dict):
-        raise _NoObjectError
+        raise _NoObjectError("found another text, or a part of one")
     return content

@@ -17,7 +17,7 @@ import can
 from rt_controller.bus.log.recorder import RECEIVED, SENT
 from rt_controller.bus.messages import COMMAND
 from rt_controller.contract.errors import ConfigError
-from rt_controller.contract.signals import ControlInput
+from rt_controller.contract.signals import ControlInput, Mode
 from rt_controller.mapping.can_log import read_frames
 from rt_controller.node import ControlNode, build_node, build_planner
 from rt_controller.recording.journal import (
@@ -50,6 +50,13 @@ class RecordedDrive:
     def driven(self) -> list[TickRecord]:
         """The ticks, without the calls after the last one."""
         return [tick for tick in self.ticks if tick.tick >= 0]
+
+    @property
+    def ends_in_drive(self) -> bool:
+        """True if the journal ends before the car was released or got the last safe command."""
+        last = self.ticks[-1:]
+        is_ended = any(call.name == "send_safe_command" for tick in last for call in tick.calls)
+        return not is_ended and any(tick.mode is not Mode.STANDBY for tick in self.driven[-1:])
 
     @property
     def incomplete_from(self) -> int | None:

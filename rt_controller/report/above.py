@@ -16,7 +16,7 @@ from rt_controller.report.canvas import FAINT, PAGE_IN
 CAR, TRAIL, CONE, EDGE, HORIZON = "#2f6fb3", "#9dc1e6", "#d9822b", "#5b6773", "#c0392b"
 NOMINAL = "#c9d2da"
 STYLES: Mapping[str, Any] = {
-    "centre": {"color": NOMINAL, "linewidth": 0.7, "linestyle": (0, (8, 6))},
+    "centre": {"color": EDGE, "linewidth": 0.8, "linestyle": ":", "label": "reference line"},
     "edge": {"color": EDGE, "linewidth": 1.0, "label": "lanes"},
     "nominal": {"color": NOMINAL, "linewidth": 1.0},
     "path": {"color": FAINT, "linewidth": 1.2, "linestyle": "--", "label": "path"},
@@ -25,7 +25,9 @@ STYLES: Mapping[str, Any] = {
 """of the lines of a `PlanView`"""
 HORIZONS = 7
 """shown in one picture"""
-PLACES = 12
+TALLEST_IN = 4.2
+"""of a panel, without its names"""
+PLACES = 24
 """with outline and time, about, along one drive"""
 
 
@@ -33,11 +35,14 @@ def head_height_in(views: Sequence[PlanView]) -> float:
     """Height of a panel as wide as the page that shows these drives."""
     low, high = extent(views)
     width_m, height_m = high - low
-    return float(np.clip((PAGE_IN - 1.0) * height_m / width_m, 0.9, 4.2)) + 0.6
+    return float(np.clip((PAGE_IN - 1.0) * height_m / width_m, 0.9, TALLEST_IN)) + 0.6
 
 
 def set_window(axes: Axes, low: Array, high: Array) -> None:
-    """Show the part between these corners (2,), or more where the scale asks for it."""
+    """Show the part between these corners (2,), or more of y where the scale asks for it."""
+    width_m, height_m = high - low
+    if height_m * (PAGE_IN - 1.0) > TALLEST_IN * width_m:
+        axes.set_adjustable("box")  # a narrower panel, not one that is half empty
     axes.set_xlim(low[0], high[0], auto=True)
     axes.set_ylim(low[1], high[1], auto=True)
 

@@ -12,6 +12,8 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter, NullLoca
 
 PAGE_IN = 10.4
 """width of a page"""
+COLUMNS = 5
+"""of a legend"""
 INK, FAINT, GRID = "#1f2933", "#8a97a5", "#e4e9ee"
 STRONG = ("#2f6fb3", "#d9822b", "#3c9d6b", "#7b5ea7", "#c0392b", "#4b9fb5")
 _MUTED = ("#7b8794", "#c08552", "#4f9d86", "#9b7bb8", "#c9736b", "#5b86a8")
@@ -109,10 +111,14 @@ def add_legend(figure: Figure, axes: Axes) -> None:
 
 
 def add_legend_above(axes: Axes) -> None:
-    """Add the legend of one panel above it, where no curve is."""
+    """Add the legend of one panel above it, where no curve is, in rows from left to right."""
+    entries = list(zip(*axes.get_legend_handles_labels(), strict=True))
+    by_column = [entry for first in range(COLUMNS) for entry in entries[first::COLUMNS]]
+    handles, labels = zip(*by_column, strict=True)
     axes.legend(
-        loc="lower right", bbox_to_anchor=(1.0, 0.98), ncols=5, borderaxespad=0.0, frameon=False
-    )
+        handles, labels, loc="lower right", bbox_to_anchor=(1.0, 0.98), ncols=COLUMNS,
+        borderaxespad=0.0, frameon=False,
+    )  # fmt: skip
 
 
 def to_svg(figure: Figure) -> str:

@@ -134,7 +134,15 @@ def comparison_page(
 
     table = comparison_table(compared, seeds)
     sections = tuple(
-        Section(name, (Plot(overlay(of_scenario), "The dashed line is the path."),))
+        Section(
+            name,
+            (
+                Plot(
+                    overlay(of_scenario),
+                    "Dashed: the path. Shaded: the last input was held, or the car was stopped.",
+                ),
+            ),
+        )
         for name, of_scenario in drives.items()
         if of_scenario
     )

@@ -8,7 +8,7 @@ from rt_controller.drive.table import Drive
 from rt_controller.report.overlay import Curve, draw_drives
 from rt_controller.report.page import Page, Part, Plot, Section
 from rt_controller.report.player import play
-from rt_controller.report.table import NO_VALUE, Column, Table, format_number
+from rt_controller.report.table import NO_VALUE, Column, Table, format_number, printed_unit
 
 SHOWN_EVENTS, SHOWN_CHECKS, DRAWN_CHECKS = 40, 8, 3
 """of each drive on the page; the figures have all"""
@@ -33,8 +33,8 @@ _FIGURES = (
     ("lateral error, peak / mm", "ey_peak_m", _MM),
     ("heading error, RMS / deg", "epsi_rms_rad", _DEG),
     ("heading error, peak / deg", "epsi_peak_rad", _DEG),
-    ("speed error, RMS / m/s", "vx_rms_mps", 1.0),
-    ("speed error, peak / m/s", "vx_peak_mps", 1.0),
+    ("speed error before a stop, RMS / m/s", "vx_rms_mps", 1.0),
+    ("speed error before a stop, peak / m/s", "vx_peak_mps", 1.0),
     ("throttle at its limit / s", "at_limit_s.throttle", 1.0),
     ("brake at its limit / s", "at_limit_s.brake_n", 1.0),
     ("steering wheel at its limit / s", "at_limit_s.steer_rad", 1.0),
@@ -51,16 +51,16 @@ _FIGURES = (
 _STAGES = "wake", "receive", "check", "plan", "qp", "decide", "send", "step"
 _TIMES = {
     "stage": Column("", is_text=True),
-    "p50": Column("median", "us"),
-    "p99": Column("99 %", "us"),
-    "p999": Column("99.9 %", "us"),
-    "max": Column("largest", "us"),
+    "p50": Column("median", "µs"),
+    "p99": Column("99 %", "µs"),
+    "p999": Column("99.9 %", "µs"),
+    "max": Column("largest", "µs"),
 }
 _CHECKS = {
     "check": Column("check", is_text=True),
     "largest": Column("largest value"),
     "threshold": Column("threshold"),
-    "unit": Column("unit", is_text=True),
+    "unit": Column("unit", is_text=True, width="short"),
     "share_percent": Column("share", "%"),
     "at_s": Column("at", "s"),
     "window_ticks": Column("ticks in a row to act"),
@@ -73,11 +73,15 @@ _EVENTS = {
     "why": Column("why", is_text=True, width="long"),
 }
 """key of the figures: column of the page"""
+_REFUSED = (
+    "A check refused states. Errors and places of the car are as received, with these states; a "
+    "log does not have the true ones."
+)
 _CAPTION = (
     "From above, then over the time since the first tick: signals, the checks that came closest to "
     "their thresholds, and the time from the first received frame of a step to its last sent one. "
     "Grey and dashed: path and wanted speed. Red and dashed: the bound, where a curve comes near "
-    "it. Shaded: the plan was held, or the car was stopped."
+    "it. Shaded, of two drives in their colours: the plan was held, or the car was stopped."
 )
 
 
@@ -87,7 +91,13 @@ def drive_page(drives: Sequence[ReportedDrive]) -> Page:
     Raises:
         MissingExtraError: matplotlib is not installed.
     """
-    by_name = {each.name: each.drive for each in drives}
+    is_received = {each.name: each.figures["errors_as_received"] for each in drives}
+    by_label = {
+        f"{each.name}, as received" if is_received[each.name] else each.name: each.drive
+        for each in drives
+    }
+    errors = "error as received" if any(is_received.values()) else "error"
+    figures = [(name.replace("error", errors), key, scale) for name, key, scale in _FIGURES]
     closest = [check for each in drives for check in each.figures["checks"][:DRAWN_CHECKS]]
     shown = (
         "lateral error", "speed", "steering wheel", "wheel rate", "throttle", "brake",
@@ -98,11 +108,13 @@ def drive_page(drives: Sequence[ReportedDrive]) -> Page:
     for each in drives:
         first, *others = each.figures["headline"]
         introduction += [f"{each.name}: {first}" if len(drives) > 1 else first, *others]
-        introduction += (f"Note: {note}" for note in each.figures["notes"])
+        note_on = f"Note on {each.name}" if len(drives) > 1 else "Note"
+        refused = (_REFUSED,) if is_received[each.name] else ()
+        introduction += (f"{note_on}: {note}" for note in (*refused, *each.figures["notes"]))
     sections = (
-        Section("From above", (play(by_name),)),
-        Section("Figures", (_figures_table("", _FIGURES, drives),)),
-        Section("Over time", (Plot(draw_drives(by_name, curves, shown), _CAPTION),)),
+        Section("From above", (play(by_label),)),
+        Section("Figures", (_figures_table("", figures, drives),)),
+        Section("Over time", (Plot(draw_drives(by_label, curves, shown), _CAPTION),)),
         Section(
             "Checks against their thresholds",
             tuple(
@@ -122,7 +134,7 @@ def drive_page(drives: Sequence[ReportedDrive]) -> Page:
             ),
         ),
     )
-    return Page(f"Drive {' and '.join(by_name)}", sections, tuple(introduction))
+    return Page(f"Drive {' and '.join(is_received)}", sections, tuple(introduction))
 
 
 def compared_figures(drives: Sequence[ReportedDrive]) -> dict[str, Any]:
@@ -174,7 +186,8 @@ def _frames(drives: Sequence[ReportedDrive]) -> list[tuple[str, str, float]]:
 
 
 def _times_table(drive: ReportedDrive) -> Part:
-    rows = [{"stage": stage, **drive.figures[f"{stage}_us"]} for stage in _STAGES]
+    times = {stage: drive.figures[f"{stage}_us"] for stage in _STAGES}
+    rows = [{"stage": stage, **found} for stage, found in times.items() if any(found.values())]
     return _listed(f"Stages of {drive.name}", rows, _TIMES, len(rows))
 
 
@@ -186,7 +199,7 @@ def _listed(
         return f"{title}: none."
     rows = tuple(
         tuple(
-            format_number(value, 5) if isinstance(value, float) else str(value)
+            format_number(value, 5) if isinstance(value, float) else printed_unit(str(value))
             for value in (each[key] for key in columns)
         )
         for each in found[:most]

@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.errors import needs_extra
@@ -11,6 +12,7 @@ from rt_controller.contract.signals import Mode
 from rt_controller.contract.timing import PERIOD_S
 from rt_controller.drive.plan_view import extent, plan_view
 from rt_controller.drive.table import Drive
+from rt_controller.report.table import printed_unit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -20,6 +22,10 @@ KMH_PER_MPS = 3.6
 STRONG = 6
 """names with a colour of their own; the lines of the others are dashed"""
 BOUND = "#c0392b"
+SHADE = 0.18
+"""opacity"""
+LARGEST_RATIO = 3.0
+"""of the largest peak to the second one, where several drives are drawn"""
 
 
 class Curve(NamedTuple):
@@ -97,25 +103,41 @@ def draw_drives(
         if len(drives) == 1:
             above.draw_along(head, drive, view)
     above.set_window(head, *extent(views))
+    colors = [styles[name]["color"] if len(names) > 1 else BOUND for name in names]
+    if any(_is_degraded(drive).any() for drive in drives.values()):
+        head.fill_between([], [], color=FAINT, alpha=SHADE, label="plan held, or car stopped")
     add_legend_above(head)
     for axis, curve_name in zip(panels, shown, strict=True):
         axis.margins(y=0.15)
         found = [
-            (drive["time_s"], of_drive[curve_name], styles[name])
+            (name, drive["time_s"], of_drive[curve_name])
             for (name, drive), of_drive in zip(drives.items(), curves, strict=True)
             if curve_name in of_drive
         ]
-        for time_s, curve, style in found:
+        for name, time_s, curve in found:
             if curve.wanted is not None:
                 axis.plot(time_s, curve.wanted, "--", color=FAINT, linewidth=1.2)
-            axis.plot(time_s, curve.values, **style)
-            label = f"{curve_name} / {curve.unit}".replace(": ", ":\n")
+            axis.plot(time_s, curve.values, **styles[name])
+            label = f"{curve_name} / {printed_unit(curve.unit)}".replace(": ", ":\n")
             axis.set_ylabel(label, fontsize="small")
-        _draw_bounds(axis, [(time_s, curve) for time_s, curve, _ in found])
-        _shade(axis, list(drives.values()))
+        if len(found) > 2:
+            _limit_to_most(axis, {name: curve.values for name, _, curve in found})
+        _draw_bounds(axis, [(time_s, curve) for _, time_s, curve in found])
+        _shade(axis, list(drives.values()), colors)
     figure.align_ylabels(panels)
     panels[-1].set_xlabel("time / s")
     return figure
+
+
+def _limit_to_most(axis: "Axes", curves: Mapping[str, Array]) -> None:
+    """Cut off a curve whose peak is far above that of all others, so that these can be read."""
+    peaks = {name: float(np.nanmax(np.abs(c), initial=0.0)) for name, c in curves.items()}
+    *_, second, largest = sorted(peaks.values())
+    if 0.0 < LARGEST_RATIO * second < largest:
+        low, high = axis.get_ylim()
+        axis.set_ylim(max(low, -LARGEST_RATIO * second), min(high, LARGEST_RATIO * second))
+        text = f"cut off: {max(peaks, key=peaks.__getitem__)}, whose peak is {largest:.3g}"
+        axis.set_title(text, loc="left", fontsize="small", pad=2.0)
 
 
 def _draw_bounds(axis: "Axes", curves: Sequence[tuple[Array, Curve]]) -> None:
@@ -125,7 +147,8 @@ def _draw_bounds(axis: "Axes", curves: Sequence[tuple[Array, Curve]]) -> None:
     for time_s, curve in curves:
         if curve.bound is None or np.isnan(curve.values / curve.bound).all():
             continue
-        shares.append(f"{100.0 * np.nanmax(np.abs(curve.values) / curve.bound):.0f} %")
+        if np.nanmin(curve.bound) <= max(map(abs, axis.get_ylim())):
+            shares.append(f"{100.0 * np.nanmax(np.abs(curve.values) / curve.bound):.0f} %")
         for sign in (1.0, -1.0):
             axis.plot(time_s, sign * curve.bound, "--", color=BOUND, linewidth=1.0)
     if shares:
@@ -133,13 +156,17 @@ def _draw_bounds(axis: "Axes", curves: Sequence[tuple[Array, Curve]]) -> None:
         axis.set_title(text, loc="right", fontsize="small", color=BOUND, pad=2.0)
 
 
-def _shade(axis: "Axes", drives: Sequence[Drive]) -> None:
+def _is_degraded(drive: Drive) -> NDArray[np.bool_]:
+    return np.isin(drive["mode"], (Mode.HOLD_PLAN, Mode.SAFE_STOP))
+
+
+def _shade(axis: "Axes", drives: Sequence[Drive], colors: Sequence[str]) -> None:
     """Mark when the plan was held or the car was stopped, of several drives one above the other."""
-    for number, drive in enumerate(drives):
-        is_degraded = np.isin(drive["mode"], (Mode.HOLD_PLAN, Mode.SAFE_STOP))
+    for number, (drive, color) in enumerate(zip(drives, colors, strict=True)):
+        is_degraded = _is_degraded(drive)
         is_degraded[1:] |= is_degraded[:-1]  # each lasts until the next tick
         bottom, top = (1.0 - (number + k) / len(drives) for k in (1, 0))
         axis.fill_between(
-            drive["time_s"], bottom, top, where=is_degraded, color="red", alpha=0.15,
+            drive["time_s"], bottom, top, where=is_degraded, color=color, alpha=SHADE,
             transform=axis.get_xaxis_transform(), linewidth=0.0,
         )  # fmt: skip

@@ -1,15 +1,16 @@
 "use strict";
 // Draws and plays the drives of a figure of class "player" from the content that player.py gives.
 for (const figure of document.querySelectorAll("figure.player")) {
-  const { lines, drives, start_s } = JSON.parse(figure.querySelector("script").textContent);
+  const { lines, drives, mark: [name, mark_s] } = JSON.parse(figure.querySelector("script").textContent);
   const svg = figure.querySelector("svg"), world = svg.querySelector("g");
   const { width, height } = svg.viewBox.baseVal;
-  const SCALE = 9, PLACE = [0.3 * width, 0.5 * height]; // pixels per m around the car, its place
-  const [play, speed, slider] = ["play", "speed", "time"].map((name) =>
+  // Pixels per m, and the place of the car; two cars are around the middle, and both in the picture.
+  const SCALE = 9, PLACE = [(drives.length > 1 ? 0.5 : 0.3) * width, 0.5 * height];
+  const [play, mark, speed, slider] = ["play", "mark", "speed", "time"].map((name) =>
     figure.querySelector(`[name=${name}]`));
   // With reduced motion the picture changes twice a second only.
   const step_s = matchMedia("(prefers-reduced-motion: reduce)").matches ? 0.5 : 0.04;
-  let time = start_s, timer = 0;
+  let time = 0, timer = 0;
 
   function add(kind, d = "", color = "") {
     const path = document.createElementNS(svg.namespaceURI, "path");
@@ -50,9 +51,13 @@ for (const figure of document.querySelectorAll("figure.player")) {
         `translate(${drive.x[row]} ${drive.y[row]}) rotate(${drive.yaw_deg[row]})`);
       drive.line.querySelector("output").textContent = drive.text[row];
     }
-    const [car] = drives, row = rowAt(car); // its road points to the right
-    world.setAttribute("transform", `translate(${PLACE.join(" ")}) scale(${SCALE} ${-SCALE}) ` +
-      `rotate(${-car.road_deg[row]}) translate(${-car.x[row]} ${-car.y[row]})`);
+    const places = drives.map((drive) => [drive.x[rowAt(drive)], drive.y[rowAt(drive)]]);
+    const [x, y] = [0, 1].map((k) => places.reduce((sum, at) => sum + at[k], 0) / places.length);
+    const far = Math.max(...places.map((at) => Math.hypot(at[0] - x, at[1] - y)), 1);
+    const scale = Math.min(SCALE, 0.45 * height / far);
+    const [car] = drives; // its road points to the right
+    world.setAttribute("transform", `translate(${PLACE.join(" ")}) scale(${scale} ${-scale}) ` +
+      `rotate(${-car.road_deg[rowAt(car)]}) translate(${-x} ${-y})`);
   }
 
   function pause() {
@@ -74,6 +79,8 @@ for (const figure of document.querySelectorAll("figure.player")) {
     play.textContent = "Pause";
   });
   slider.addEventListener("input", () => { time = Number(slider.value); show(); });
+  mark.textContent = `To the ${name}`;
+  mark.addEventListener("click", () => { pause(); time = mark_s; show(); });
   figure.hidden = false;
   show();
 }

@@ -11,7 +11,7 @@ import numpy as np
 
 from rt_controller.contract.arrays import Array
 from rt_controller.drive.plan_view import Line, PlanView, outline, plan_view, readings
-from rt_controller.drive.table import Drive
+from rt_controller.drive.table import Drive, filled
 
 DIGITS = 2
 """of places in m: 1 cm"""
@@ -27,14 +27,14 @@ class Player(NamedTuple):
 def play(drives: Mapping[str, Drive]) -> Player:
     """The drives, by name, from above: the road of the first, cars, predictions.
 
-    It begins where the first safe stop does, else where the lateral error is largest.
+    A button leads to the begin of the first safe stop, else to the largest lateral error.
     """
     from rt_controller.report.canvas import STRONG  # matplotlib, which tables do without
 
     views = [plan_view(drive) for drive in drives.values()]
     content = {
         "lines": {kind: _path_data(line) for kind, line in views[0].lines.items()},
-        "start_s": _most_interesting_s(list(drives.values())),
+        "mark": _most_interesting(list(drives.values())),
         "drives": [
             {"name": name, "color": color, **_moving(drive, view)}
             for (name, drive), view, color in zip(drives.items(), views, STRONG, strict=False)
@@ -63,12 +63,13 @@ def _rounded(values: Array, digits: int = DIGITS) -> list[float]:
     return np.round(values, digits).tolist()  # type: ignore[no-any-return]
 
 
-def _most_interesting_s(drives: list[Drive]) -> float:
+def _most_interesting(drives: list[Drive]) -> tuple[str, float]:
+    """What happens there, and the time in s."""
     for drive in drives:
         if drive.stop_tick is not None:
-            return float(drive["time_s"][drive.stop_tick])
-    error_m = np.abs(drives[0].poses[:, 1] - drives[0]["path_ey_m"])
-    return 0.0 if np.isnan(error_m).all() else float(drives[0]["time_s"][np.nanargmax(error_m)])
+            return "safe stop", float(drive["time_s"][drive.stop_tick])
+    error_m = np.abs(filled(drives[0].poses[:, 1] - drives[0]["path_ey_m"]))
+    return "largest lateral error", float(drives[0]["time_s"][np.argmax(error_m)])
 
 
 def _path_data(line: Line) -> str:

@@ -93,6 +93,11 @@ def format_number(number: float, digits: int = 4) -> str:
     return f"{float(text):.0f}" if "e+" in text and abs(number) < PLAIN_BELOW else text
 
 
+def printed_unit(unit: str) -> str:
+    """The unit with raised exponents: m/s^2 is m/s²."""
+    return unit.replace("^2", "²").replace("^3", "³")
+
+
 def print_table(table: Table, console: Console) -> None:
     """Print the table. Of one that is too wide, the texts at the end of a row stand below its name.
 

@@ -12,7 +12,7 @@ from rt_controller.contract.revision import source_revision
 from rt_controller.report.comparison_page import comparison_page, comparison_table, headline
 from rt_controller.report.drive_figure import require_figure_file, write_figure
 from rt_controller.report.page import require_report_extra, save_page
-from rt_controller.report.table import print_table
+from rt_controller.report.table import print_table, print_text
 from rt_controller.settings import CarSettings
 from rt_controller.terminal.progress import show
 from rt_controller.terminal.run import EXIT_SAFE_STOP
@@ -66,7 +66,7 @@ def compare_at_terminal(
             show(f"{done} of {count} drives are in {results}: the same command goes on", is_quiet)
         raise
     console, compared = Console(emoji=False), comparison.by_scenario()
-    console.print(headline(compared), highlight=False, markup=False, soft_wrap=True)
+    print_text(headline(compared), console)
     print_table(comparison_table(compared, seeds), console)
     write_figures(json_file, comparison_figures(comparison, car))
     if html is not None:

@@ -9,6 +9,7 @@ from threadpoolctl import threadpool_limits
 
 from rt_controller.contract.figures import require_writable, write_figures
 from rt_controller.drive.scenario import EXIT_LIMIT
+from rt_controller.loop import Ending
 from rt_controller.recording.replay import (
     FRAME,
     Difference,
@@ -61,6 +62,8 @@ def replay_at_terminal(
     if found:
         print_table(_to_table(found), Console())
     print(f"{log}: {ticks} ticks replayed, {differing} with another command")
+    if drive.ends_in_drive:
+        show(f"note: {Ending.LOG_ENDED.value}", is_quiet)
     figures = {
         "log": str(drive.path),
         "model": drive.header.model,
@@ -69,6 +72,7 @@ def replay_at_terminal(
         "ticks": ticks,
         "ticks_with_other_command": differing,
         "incomplete_from_tick": missing_from,
+        "ends_in_drive": drive.ends_in_drive,
         "is_identical": not found and missing_from is None,
         "differences_by_signal": dict(Counter(each.signal for each in found)),
         "differences": [each._asdict() for each in found],

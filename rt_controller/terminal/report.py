@@ -15,6 +15,7 @@ from rt_controller.bus.messages import STATE
 from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.faults import FAULT_SENTENCES, Fault
 from rt_controller.contract.figures import require_writable, write_figures
+from rt_controller.contract.names import label_paths
 from rt_controller.contract.signals import InputColumn, Mode
 from rt_controller.contract.timing import PERIOD_S
 from rt_controller.drive.table import Drive, PredictedPath
@@ -57,17 +58,18 @@ def report_at_terminal(
     page_file = logs[0].with_suffix(".html") if output is None else output
     require_writable(page_file, "--output", suffix=".html")
     require_writable(json_file, inputs=logs)
+    names = label_paths(logs, "report")
+    recorded = [read_recorded_drive(log) for log in logs]
     if page_file.exists() and not overwrite:
         raise ConfigError(
             f"{page_file}: expected no page of that name yet, found one, which is left as it is. "
             f"Name another file with --output; --overwrite replaces it."
         )
     drives = []
-    for log in logs:
-        with announce(f"replaying {log}", is_quiet), threadpool_limits(1, "blas"):
-            recorded = read_recorded_drive(log)
-            with closing(Replay(recorded, model)) as replay:
-                drives.append(_Account(recorded, replay).reported())
+    with threadpool_limits(1, "blas"):
+        for name, each in zip(names, recorded, strict=True):
+            with announce(f"replaying {each.path}", is_quiet), closing(Replay(each, model)) as it:
+                drives.append(_Account(name, each, it).reported())
     with announce("drawing", is_quiet):
         written = save_page(drive_page(drives), page_file, "--output")
     for drive in drives:
@@ -87,8 +89,8 @@ class _Account:
     others; the values of the checks and the predictions are computed again.
     """
 
-    def __init__(self, recorded: RecordedDrive, replay: Replay) -> None:
-        self._recorded, self._replay = recorded, replay
+    def __init__(self, name: str, recorded: RecordedDrive, replay: Replay) -> None:
+        self._name, self._recorded, self._replay = name, recorded, replay
         n_ticks = len(recorded.driven)
         if n_ticks == 0:
             raise ConfigError(
@@ -113,13 +115,9 @@ class _Account:
                 self._add(tick)
                 is_stopping = any(call.name == "request_stop" for call in tick.recorded.calls)
                 is_over = end.are_met(record.result, is_stopping)
-        notes = list(self._notes())
         if not is_over and record.result.mode is not Mode.STANDBY:
-            calls = self._recorded.ticks[-1].calls
-            if any(call.name == "send_safe_command" for call in calls):
-                record.ending = Ending.ENDED_AT_ONCE
-            else:
-                notes.insert(0, "The log ends while the car is driven: the rest was not recorded.")
+            is_cut = self._recorded.ends_in_drive
+            record.ending = Ending.LOG_ENDED if is_cut else Ending.ENDED_AT_ONCE
         header, path = self._recorded.header, self._recorded.path
         drive = record.trace.drive(header.model["name"], record.ending.value)
         places = drive["s_m"]
@@ -138,11 +136,11 @@ class _Account:
             "state_age_ms": _quantiles(self._ages_ms),
             "frames_received": asdict(self._replay.node.inbox.counts),
             "headline": list(self._headline()),
-            "notes": notes,
+            "notes": list(self._notes()),
             "events": _events(self._ticks, times_s),
             "checks": sorted(checks, key=lambda each: -each["share_percent"]),
         }
-        return ReportedDrive(path.name, drive, curves, figures)
+        return ReportedDrive(self._name, drive, curves, figures)
 
     def _add(self, tick: ReplayedTick) -> None:
         then, node, record = tick.recorded, self._replay.node, self._record
@@ -206,7 +204,7 @@ class _Account:
         upper, rates = (np.where(is_driven, np.array(each), nan) for each in rows)
         values = np.where(is_driven, np.array(self._values), nan)
         step_us = self._record.deadlines.last()[:, TickTimes._fields.index("step_us")]
-        curves = {**curves_of(drive), "step": Curve("us", step_us)}
+        curves = {**curves_of(drive), "step": Curve("µs", step_us)}
         for check in self._replay.node.supervisor.checks:
             quantity, threshold = check.quantity, np.full(len(drive), check.threshold)
             curve = Curve(quantity.unit, values[:, quantity], bound=threshold)

@@ -125,7 +125,11 @@ def verdict(record: RunRecord, car: LateralError | None = None, braking: str = "
     within = f"{peak_m:.1f} m" if peak_m >= 1.0 else f"{max(ceil(100 * peak_m), 1)} cm"
     was = "step was" if deadlines.deadline_misses == 1 else "steps were"
     late = f"{deadlines.deadline_misses} {was} late"
-    text = f"The car followed its path within {within}"
+    is_cut = record.ending is Ending.LOG_ENDED
+    text = f"{record.ending.value.capitalize()}; until then the car" if is_cut else "The car"
+    text += f" followed its path within {within}"
+    if car is None and has_rejected_states(record):
+        text += AS_RECEIVED
     if record.ticks_by_fault[Fault.SPEED_NOT_FOLLOWED]:
         text += f", but not its speed (up to {errors.vx_peak_mps:.1f} m/s off)"
     if outside := _outside(record):
@@ -134,7 +138,7 @@ def verdict(record: RunRecord, car: LateralError | None = None, braking: str = "
     text += late if deadlines.deadline_misses else "no step was late"
     if record.ending is Ending.STOPPED:
         text += "; it was stopped on request"
-    elif speed_mps is not None and speed_mps > STANDING_MPS:
+    elif not is_cut and speed_mps is not None and speed_mps > STANDING_MPS:
         text += f"; the drive ended at {speed_mps * 3.6:.0f} km/h, as if a driver took over"
     return f"{text}; {explain_braking(braking)}." if braking else f"{text}."
 

@@ -20,7 +20,7 @@ RECORDS = [b"first\n", b"second\n", b"third\n"]
 def test_an_existing_log_is_replaced_only_when_asked_and_with_the_first_record(tmp_path):
     earlier = tmp_path / "drive.log"
     earlier.write_text("earlier\n")
-    with pytest.raises(ConfigError, match=r"expected no log .* found one.*--overwrite"):
+    with pytest.raises(ConfigError, match=r"expected no file .* found one.*--overwrite"):
         LogFile(earlier)
     LogFile(earlier, replaces=True).close()
     file = LogFile(earlier, replaces=True)

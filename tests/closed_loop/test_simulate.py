@@ -3,6 +3,7 @@
 import csv
 import json
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -121,10 +122,15 @@ def test_drives_are_laid_over_each_other_by_name(drive):
     pytest.importorskip("matplotlib")
     from rt_controller.report.overlay import overlay
 
-    figure = overlay({"first": drive, "second": drive})
+    far_off = replace(drive, true_poses=drive.true_poses + [0.0, 10.0, 0.0])
+    figure = overlay({"first": drive, "second": drive, "bad": far_off})
     names = [text.get_text() for text in figure.axes[0].get_legend().get_texts()]
-    assert names[-2:] == ["first", "second"]
-    assert [len(axes.lines) for axes in figure.axes[1:]] == [2, 2, 2]
+    order = ["first", "second", "bad"]
+    assert [name for name in names if name in order] == order
+    error = figure.axes[1]
+    assert [len(axes.lines) for axes in figure.axes[1:]] == [3, 3, 3]
+    assert error.get_ylim()[1] < 0.1
+    assert "cut off: bad, whose peak is 10" in error.get_title("left")
 
 
 def test_a_plant_that_fails_is_an_error(lti):

@@ -79,7 +79,7 @@ def test_a_drive_is_written_with_units_plan_and_cause(recorded, tmp_path):
 def test_an_existing_file_is_not_replaced_unasked(recorded, tmp_path):
     path = tmp_path / "run.mcap"
     path.write_text("of another drive")
-    with pytest.raises(ConfigError, match="expected no log of that name yet"):
+    with pytest.raises(ConfigError, match="expected no file of that name yet"):
         convert(recorded[0], path)
     assert path.read_text() == "of another drive"
 

@@ -114,6 +114,8 @@ def test_frames_that_were_dropped_make_a_replay_incomplete(recorded_log, tmp_pat
     [
         ("run.log", lambda lines: lines[:300], "found fewer: one of the two was cut off"),
         ("run.log", lambda _: ["not a frame\n"], r"line 1: expected \(seconds\) .*Copy it again"),
+        ("run.log", lambda _: ["\0\1\n"], "found binary data"),
+        ("run.log", lambda _: [], "found an empty file"),
         ("run.blf", lambda _: ["LOGG damaged"], "in the format of its suffix, found a file"),
         ("run.log.journal", lambda _: None, r"expected its journal run\.log\.journal .* keep them"),
         (

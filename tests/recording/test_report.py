@@ -108,28 +108,40 @@ def test_a_safe_stop_is_told_with_time_cause_remedy_and_its_faults(stopped, tmp_
 
 
 def test_two_drives_share_the_page_with_the_difference_of_their_figures(calm, stopped, tmp_path):
-    html, figures = report(tmp_path, calm, stopped)
+    twin = _copy(stopped, tmp_path, calm.name)
+    html, figures = report(tmp_path, calm, twin)
     first, second = figures["drives"]
     differences = figures["differences"]
     assert differences["ey_peak_m"] == pytest.approx(second["ey_peak_m"] - first["ey_peak_m"])
     assert differences["stop_s"] is None  # the first did not stop
-    assert [each["name"] for each in played_by(html)["drives"]] == ["calm.log", "stopped.log"]
+    first_name, second_name = f"{calm.parent.name}/calm.log", f"{tmp_path.name}/calm.log"
+    played = played_by(html)
+    names = [each["name"] for each in played["drives"]]
+    assert names == [first_name, f"{second_name}, as received"]
+    assert played["mark"] == ["safe stop", pytest.approx(second["stop_s"])]
+    assert "lateral error as received, RMS" in html
+    with pytest.raises(ConfigError, match="expected different paths, found one of them twice"):
+        report(tmp_path, calm, calm)
 
 
-def _copy(log: Path, folder: Path) -> Path:
-    copied = folder / log.name
+def _copy(log: Path, folder: Path, name: str | None = None) -> Path:
+    copied = folder / (name or log.name)
     shutil.copy(log, copied)
     shutil.copy(journal_path(log), journal_path(copied))
     return copied
 
 
-def test_a_log_that_ends_in_the_drive_says_so(calm, tmp_path):
+def test_a_log_that_ends_in_the_drive_says_so(calm, tmp_path, capsys):
     log = _copy(calm, tmp_path)
     lines = journal_path(log).read_text().splitlines(keepends=True)
     journal_path(log).write_text("".join(lines[:41]))
     _, figures = report(tmp_path, log)
-    assert figures["drives"][0]["ticks"] == 40
-    assert "The log ends while the car is driven" in figures["drives"][0]["notes"][0]
+    (found,) = figures["drives"]
+    assert (found["ticks"], found["ending"]) == (40, "LOG_ENDED")
+    assert re.match("The log ends while .*, cause unknown; until then", found["headline"][0])
+    assert "on request" not in found["headline"][0]
+    assert app.meta(["replay", str(log)], result_action="return_value") == 0
+    assert "the log ends while the car was driven, cause unknown" in capsys.readouterr().err
 
 
 def test_another_version_and_another_command_are_noted(calm, tmp_path):

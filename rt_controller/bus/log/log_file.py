@@ -39,9 +39,8 @@ class LogFile:
         if os.fstat(self._descriptor).st_size > 0 and not replaces:
             os.close(self._descriptor)
             raise ConfigError(
-                f"{self.path}: expected no log of that name yet, found one, which is left as it "
-                f"is. Name another file, or a folder, in which every run makes a new log; "
-                f"--overwrite replaces the log."
+                f"{self.path}: expected no file of that name yet, found one, which is left as it "
+                f"is. Name another file; --overwrite replaces this one."
             )
 
     def append(self, records: Sequence[bytes]) -> int:
