@@ -66,7 +66,7 @@ def evaluate(
             paper's network. A baseline that is not in the cache is fitted first
         sets: library, new-roads, bends, robustness, varied, noise, sliding, fast, braking,
             friction, mass; default: all of them
-        all_tables: also print the paper's Table I, every ratio, and every part of the test sets:
+        all_tables: also print the paper's Table II, every ratio, and every part of the test sets:
             roads, ranges of speed, sideslip and brake
         html: also write this page with plots: errors over time, ratios, eigenvalues, and the
             paper's double lane change; needs the extra report

@@ -43,7 +43,7 @@ class Row(NamedTuple):
     diverged: int
     """trajectories with a prediction that is not finite"""
     mse: float
-    """in the square of `unit`, over all steps and trajectories. Paper: Table I"""
+    """in the square of `unit`, over all steps and trajectories. Paper: Table II"""
     mse_low: float
     mse_high: float
     rms: float

@@ -1,10 +1,10 @@
-"""Errors of open-loop predictions over two seconds, in the units of Table I, and their ratios.
+"""Errors of open-loop predictions over two seconds, in the units of Table II, and their ratios.
 
 The state is lifted once, at the first instant, and the errors of steps 1..K count; the first state
 is measured and does not count. Squared errors are averaged over steps and trajectories. Two errors
 of a ratio have the same draws of episodes, so the difficulty of an episode cancels, and the
 interval of a ratio is narrower than those of its two errors.
-Paper: section IV, Table I.
+Paper: section IV, Table II.
 """
 
 import re

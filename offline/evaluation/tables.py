@@ -57,7 +57,7 @@ def all_tables(comparison: Comparison) -> list[Table]:
 
 
 def mse_table(comparison: Comparison) -> Table:
-    """Mean squared errors on the library with intervals. Paper: Table I."""
+    """Mean squared errors on the library with intervals. Paper: Table II."""
     counts = {name: comparison.library[name][0].diverged for name in comparison.names}
     diverged = ", ".join(f"{name} on {count}" for name, count in counts.items() if count)
     note = f"Second line: {INTERVAL}" if comparison.parts[0].n_episodes > 1 else NO_INTERVALS

@@ -1,4 +1,4 @@
-"""Prediction errors in the units of the paper's Table I, with intervals by whole episodes."""
+"""Prediction errors in the units of the paper's Table II, with intervals by whole episodes."""
 
 import numpy as np
 import pytest
