@@ -255,9 +255,7 @@ def _open_controllers(
         raise ConfigError(
             f"controllers: expected at least one, such as mdk-net, {', '.join(BASELINES)}."
         )
-    short = [
-        each.rpartition(":")[2] if isinstance(each, str) else type(each).__name__ for each in listed
-    ]
+    short = [_short_name(each) for each in listed]
     found: dict[str, str | ControlLaw] = {}
     for each, name in zip(listed, short, strict=True):
         if isinstance(each, str):
@@ -276,6 +274,17 @@ def _open_controllers(
             raise ConfigError(f"controllers: expected different ones, found {name} twice.")
         found[name] = each
     return found
+
+
+def _short_name(controller: str | ControlLaw) -> str:
+    """The class of a law; of a model its folder, or that of the run whose bundle it is."""
+    if not isinstance(controller, str):
+        return type(controller).__name__
+    folder = Path(controller)
+    if folder.is_dir():
+        folder = folder.resolve()
+        return folder.parent.name if folder.name == "bundle" else folder.name
+    return controller.rpartition(":")[2]
 
 
 def _load_scenarios(
