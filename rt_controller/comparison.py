@@ -257,12 +257,12 @@ def _open_controllers(
         )
     short = [_short_name(each) for each in listed]
     found: dict[str, str | ControlLaw] = {}
-    for each, name in zip(listed, short, strict=True):
+    for each, shortened in zip(listed, short, strict=True):
+        name = shortened
         if isinstance(each, str):
             chosen = _config(settings, each)
             build_planner(Bundle.load(chosen.model), chosen)
-            if short.count(name) > 1:
-                name = each  # noqa: PLW2901 - the short one is that of two
+            name = shortened if short.count(shortened) == 1 else each
         else:
             require_law(each)
             if needs_names:

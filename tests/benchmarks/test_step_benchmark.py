@@ -117,9 +117,9 @@ def test_plan(benchmark, bundle: Bundle) -> None:
 
 
 @pytest.mark.parametrize("name", BASELINES)
-def test_plan_of_a_baseline(benchmark, bundle: Bundle, name: str) -> None:
+def test_plan_of_a_baseline(benchmark, name: str) -> None:
     """The same with control laws that need no learned model, their preparation included."""
-    planner = LawPlanner(bundle, open_law(name), name)
+    planner = LawPlanner(load_bundle(shipped_model()), open_law(name), name)
     assert benchmark(planner.plan, VEHICLE_STATE, 0.001, WANTED, PREVIOUS) is SolveStatus.SOLVED
 
 
