@@ -107,6 +107,8 @@ class Backend:
 
 
 THIS_MACHINE = Backend()
+_BEGIN = b'{"made_with_sha256": '
+"""of each line of a file of results"""
 
 
 class WorkersLostError(RtControllerError):
@@ -215,13 +217,13 @@ def object_digest(value: Any) -> str:
 def _read_results(file: Path | None, made_with_sha256: str) -> dict[str, Any]:
     if file is None or not file.exists():
         return {}
-    text = file.read_text(encoding="utf-8")
-    whole = text[: text.rfind("\n") + 1]
-    if whole != text:  # killed while it wrote
-        os.truncate(file, len(whole.encode()))
+    content = file.read_bytes()
+    whole = content[: content.rfind(b"\n") + 1]
+    rest = content[len(whole) :]
     try:
         lines = [json.loads(line) for line in whole.splitlines()]
         is_same = all(line["made_with_sha256"] == made_with_sha256 for line in lines)
+        is_same &= rest.startswith(_BEGIN) or _BEGIN.startswith(rest)
     except (ValueError, KeyError, TypeError):
         is_same = False
     if not is_same:
@@ -229,4 +231,6 @@ def _read_results(file: Path | None, made_with_sha256: str) -> dict[str, Any]:
             f"{file}: expected results of the same model and data, found others. Name another "
             f"file, or delete this one."
         )
+    if rest:  # killed while it wrote
+        os.truncate(file, len(whole))
     return {line["key"]: line["result"] for line in lines}

@@ -67,6 +67,15 @@ def test_tasks_in_order_may_have_no_end():
     results.close()
 
 
+@pytest.mark.parametrize("content", [b"notes", b"[1, 2]\nlast", b"\x00\xff", b'{"a": 1}\n'])
+def test_a_file_of_something_else_is_refused_and_stays_as_it_was(tmp_path, content):
+    file = tmp_path / "mine"
+    file.write_bytes(content)
+    with pytest.raises(ConfigError, match="expected results of the same model and data"):
+        list(run_campaign(neg, [("a", (1,))], Backend(jobs=1), file))
+    assert file.read_bytes() == content
+
+
 def test_killed_worker_ends_with_an_error_that_names_lack_of_memory():
     with pytest.raises(WorkersLostError, match="Look for lack of memory"):
         list(run_campaign(signal.raise_signal, [("a", (signal.SIGKILL,))], Backend(jobs=2)))
