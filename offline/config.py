@@ -57,9 +57,9 @@ class TrainingConfig(Settings):
     rare_share: float = Field(default=0.5, ge=0.0, lt=1.0)
     """share of the draws that prefers windows with rare motion, which weights in the loss
     compensate for; without effect on windows slices and objective paper"""
-    mirror: bool = True
-    """exchange left and right in half of the trajectories, if the data set says which signals
-    change sign"""
+    symmetry: Literal["exact", "trained", "none"] = "exact"
+    """of left and right, if the data set says which signals change sign. exact: a model of even and
+    odd observables; trained: left and right are exchanged in half of the trajectories"""
 
     noise: float = Field(default=1.0, ge=0.0, le=10.0)
     """largest level of the measurement noise on the first state and the past of a trajectory, in
@@ -165,7 +165,7 @@ PAPER = TrainingConfig(
     batch=128,
     windows="slices",
     rare_share=0.0,
-    mirror=False,
+    symmetry="none",
     noise=0.0,
     optimizer="adam",
     learning_rate=1e-3,

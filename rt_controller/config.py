@@ -189,6 +189,9 @@ class ControllerConfig(Settings):
     """what plans the inputs: a model as of --model, stanley, bicycle-mpc, or a class with a method
     control as MODULE:CLASS or FILE.py:CLASS; default: MPC with the model. The checks use the model
     with every one of them"""
+    plan: Literal["python", "native"] = "python"
+    """python: numpy and PIQP; native: the same law in C, as offline-export --target c exports it, and
+    PIQP solves each of its QPs again: the car is stopped if the first inputs differ"""
     mpc: MpcSettings = MpcSettings()
     low_speed: LowSpeedSettings = LowSpeedSettings()
     realtime: RealtimeSettings = RealtimeSettings()

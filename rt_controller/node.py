@@ -30,6 +30,7 @@ from rt_controller.control.warm_start import open_solver
 from rt_controller.controllers import law_error, open_law
 from rt_controller.model.bundle import Bundle
 from rt_controller.model.validation import require_drivable
+from rt_controller.native.planner import NativePlanner
 from rt_controller.realtime.clock import TimeSource
 from rt_controller.safety.checks import Check, checks_of
 from rt_controller.safety.coast_model import LEAST_MODELLED_MPS, StoppingCar
@@ -50,6 +51,7 @@ def build_planner(
 
     Raises:
         ArtifactError, ConfigError: as `build_mpc` and `open_law`.
+        MissingExtraError: the law in C is not compiled, and cannot be compiled.
     """
     if law is not None or config.controller is not None:
         require_drivable(bundle)
@@ -57,6 +59,11 @@ def build_planner(
             return LawPlanner(bundle, law, type(law).__name__)
         name = config.controller or ""
         return LawPlanner(bundle, open_law(name), name)
+    if config.plan == "native":
+        require_stored_plans(bundle)
+        native = NativePlanner(bundle, config.mpc)
+        plan_at_constant_speed(native)
+        return native
     return build_mpc(bundle, config.mpc, max_iterations)
 
 

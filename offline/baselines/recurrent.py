@@ -38,6 +38,7 @@ CONFIG = RECOMMENDED.model_copy(
         "matrix_rate": 1.0,
         "horizon_growth": 0.1,
         "latents": 64,
+        "symmetry": "trained",
         "history_steps": PAST_STEPS,
     }
 )

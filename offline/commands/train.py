@@ -23,14 +23,14 @@ if TYPE_CHECKING:
 
 GROUPS = {
     "Main options": "preset steps seed data resume runs init json",
-    "Data": "episodes data-seed windows rare-share near-roads mirror noise",
+    "Data": "episodes data-seed windows rare-share near-roads noise",
     "Optimisation": "batch optimizer learning-rate matrix-rate operator-rate rate-schedule "
     "patience evaluate-every gradient-clip best-rule",
     "Loss": "objective horizon-start horizon-growth forgetting weight-single-step "
     "weight-multi-step weight-stability weight-regularisation decay-encoder decay-operator "
     "operator-prior stability through-last-step",
     "Model": "activation hidden latents latents-start constant-observable lift-exogenous products "
-    "history-steps separate-motion bilinear-rank "
+    "history-steps separate-motion symmetry bilinear-rank "
     "saturating-gains drift-rank bilinear-follows",
     "Machine": "threads device backend address jobs",
 }

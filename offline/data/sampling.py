@@ -295,7 +295,7 @@ def open_source(config: TrainingConfig, dataset: Dataset, scaling: Scaling) -> S
         # The paper's terms have no weights.
         rare_share = config.rare_share if config.objective == "horizon" else 0.0
         source = WindowSource(dataset, scaling, config.history_steps, rare_share, config.near_roads)
-    if config.mirror and dataset.roles.odd is not None:
+    if config.symmetry == "trained" and dataset.roles.odd is not None:
         source = MirroringSource(source, dataset)
     is_noisy = config.noise and set(STANDARD_DEVIATIONS) & set(dataset.schema.state_names)
     if not is_noisy:

@@ -31,7 +31,8 @@ class Products(nn.Module):
 
     def forward(self, signals: Tensor) -> Tensor:
         """Latents (..., latents) of signals (..., signals)."""
-        latents: Tensor = self.weights(signals[..., self.first] * signals[..., self.second])
+        first, second = (signals.index_select(-1, each) for each in (self.first, self.second))
+        latents: Tensor = self.weights(first * second)
         return latents
 
 
@@ -75,11 +76,13 @@ class Encoder(nn.Module):
         last_layer_share: float,
         has_products: bool,
         make: MakeEncoder | None = None,
+        signs: tuple[Tensor, Tensor] | None = None,
     ) -> None:
         """Of all that the lift sees, `columns` are read.
 
         Only the first `present` of them, those of the current instant, enter the products. With
-        `make` its module replaces the perceptron.
+        `make` its module replaces the perceptron. `signs` in a mirror image, of the columns and of
+        the latents, which are then even or odd: (f(x) ± f(x mirrored)) / 2.
         """
         super().__init__()
         self.present = present
@@ -92,14 +95,28 @@ class Encoder(nn.Module):
             else OwnLayers(make, len(columns), latents)
         )
         self.products = Products(present, latents) if has_products else None
+        self.is_symmetric = signs is not None
+        if signs is not None:
+            self.signs: Tensor
+            self.latent_signs: Tensor
+            self.register_buffer("signs", signs[0], persistent=False)
+            self.register_buffer("latent_signs", signs[1], persistent=False)
 
     def forward(self, seen: Tensor) -> Tensor:
         """Latents (..., latents) of all scaled signals (..., s) that the lift sees."""
-        inputs = seen[..., self.columns]
+        inputs = seen.index_select(-1, self.columns)
         return self.latents(inputs, inputs[..., : self.present])
 
     def latents(self, inputs: Tensor, factors: Tensor) -> Tensor:
         """Latents if the factors (..., present) of the products are scaled unlike the inputs."""
+        if not self.is_symmetric:
+            return self._function(inputs, factors)
+        both = torch.cat([inputs, inputs * self.signs])
+        both_factors = torch.cat([factors, factors * self.signs[: self.present]])
+        own, mirrored = self._function(both, both_factors).unflatten(0, (2, -1))
+        return 0.5 * (own + self.latent_signs * mirrored)
+
+    def _function(self, inputs: Tensor, factors: Tensor) -> Tensor:
         latents: Tensor = self.layers(inputs)
         return latents if self.products is None else latents + self.products(factors)
 

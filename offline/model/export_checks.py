@@ -203,8 +203,7 @@ def driven_matrices(bundle: Bundle, signals: Array, slopes: Array) -> Array:
     gains = Step(bundle)
     slopes = np.where(np.arange(gains.count) < gains.first_saturating, 1.0, slopes)
     factors = np.column_stack([signals, np.ones(len(signals))])[:, gains.factors]
-    columns = gains.N * (slopes * factors - gains.is_saturation)[:, None]
-    matrices: Array = bundle.A + columns @ gains.S
+    matrices: Array = gains.A + (gains.N * (slopes * factors)[:, None]) @ gains.S
     return matrices
 
 

@@ -9,6 +9,10 @@ The motion of a car on a plane does not depend on the road that is drawn on it: 
 follow from themselves and the inputs. So psi = [x; latents of the motion; 1], the motion depends on
 the motion alone, and progress, lateral and heading error follow from it by kinematics
 (`offline.model.path`). Signals without a path have one block of all observables.
+
+Of a car whose left and right side are alike each observable, and the function of each gain, is even
+or odd in a mirror image, and only products that are even have an effect on an even observable, odd
+ones on an odd one: A consists of two blocks, and the model drives to the left as to the right.
 """
 
 from typing import NamedTuple
@@ -19,7 +23,14 @@ from torch import Tensor, nn
 from offline.config import TrainingConfig
 from offline.data.sampling import Instants
 from offline.model.encoder import Encoder, MakeEncoder
-from offline.model.observables import Observables, Sizes, observables_of
+from offline.model.observables import (
+    Observables,
+    Sizes,
+    alternating,
+    is_symmetric,
+    observables_of,
+    signs_of,
+)
 from offline.model.path import Path, Units
 from offline.model.rollout import roll_out, roll_out_gains
 from rt_controller.contract.signals import PATH_STATES
@@ -105,6 +116,7 @@ class MdkNet(nn.Module):
         self.follows = config.bilinear_follows if config.bilinear_rank else Follow.PREDICTION
         self.saturates = config.saturating_gains
         self.terms = terms_of(config, sizes)
+        self.is_symmetric, self._signs = is_symmetric(config, sizes), signs_of(config, sizes)
         self.encoders = nn.ModuleList([self._encoder(config, encoder)])
         self._add_operator(config)
 
@@ -213,15 +225,25 @@ class MdkNet(nn.Module):
             now += range(sizes.states + road, sizes.states + sizes.exogenous)
         first = sizes.states + (sizes.exogenous if self.reads_exogenous else 0)
         history = range(first, first + self.history_steps * sizes.remembered)
+        known, signs = self.observables, None
+        if self.is_symmetric:
+            of_seen = torch.tensor([
+                *self._signs.states,
+                *self._signs.exogenous * self.reads_exogenous,
+                *self._signs.remembered * self.history_steps,
+            ])
+            latents = slice(known.states, known.states + known.latents)
+            signs = of_seen[[*now, *history]], known.signs[latents]
         return Encoder(
             [*now, *history],
             len(now),
             config.hidden,
-            self.observables.latents,
+            known.latents,
             activation=nn.ReLU if config.activation == "relu" else nn.SiLU,
             last_layer_share=(FADING_LAST_LAYER_SHARE if config.latents_start == "fading" else 1.0),
             has_products=config.products,
             make=make,
+            signs=signs,
         )
 
     def _add_operator(self, config: TrainingConfig) -> None:
@@ -232,17 +254,21 @@ class MdkNet(nn.Module):
         self.B_learned: Tensor
         self.N_learned: Tensor
         self.S_learned: Tensor
-        self._add_mask("A_learned", is_motion[:rows, None] & is_motion)
+        can_change = is_motion[:rows, None]
+        row_signs = known.signs[:rows, None]
+        self._add_mask("A_learned", can_change & is_motion & (row_signs == known.signs))
         self.A_rows = nn.Parameter(_first_operator(config, sizes, known)[:rows])
         columns = sizes.inputs + sizes.exogenous
         acts = torch.ones(columns, dtype=torch.bool)
         if known.has_path:
             acts[sizes.inputs] = False
-        self._add_mask("B_learned", is_motion[:rows, None] & acts)
+        signal_signs = torch.tensor([*self._signs.inputs, *self._signs.exogenous])
+        self._add_mask("B_learned", can_change & acts & (row_signs == signal_signs))
         self.B_rows = nn.Parameter(INPUT_MATRIX_SPREAD * torch.randn(rows, columns))
-        self._add_gains(rows)
+        self._add_gains(rows, torch.cat([signal_signs, torch.ones(1)]))
 
-    def _add_gains(self, rows: int) -> None:
+    def _add_gains(self, rows: int, factor_signs: Tensor) -> None:
+        """`factor_signs` of [u; w; 1]."""
         known = self.observables
         of_gain = [term for term in self.terms for _ in term.factors]
         q = len(of_gain)
@@ -254,8 +280,15 @@ class MdkNet(nn.Module):
         shape = torch.tensor([int(term.shape) for term in of_gain], dtype=torch.long)
         self.register_buffer("shape", shape, False)
         self._add_mask("is_saturation", shape == Shape.SATURATION)
-        self._add_mask("N_learned", known.is_motion[:rows, None].expand(rows, q))
-        self._add_mask("S_learned", known.is_motion.expand(q, known.n))
+        # Even and odd functions in turn, of each factor.
+        signs = torch.ones(q)
+        if self.is_symmetric:
+            for factor in columns.unique():
+                signs[columns == factor] = alternating(int((columns == factor).sum()))
+        row_signs = known.signs[:rows, None]
+        learned = row_signs == signs * factor_signs[columns]
+        self._add_mask("N_learned", known.is_motion[:rows, None] & learned)
+        self._add_mask("S_learned", known.is_motion & (signs[:, None] == known.signs))
         self.N_rows = nn.Parameter(INPUT_MATRIX_SPREAD * torch.randn(rows, q))
         self.S = nn.Parameter(GAIN_SPREAD * torch.randn(q, known.n))
 

@@ -45,13 +45,14 @@ class Path(nn.Module):
         self.curvature: Tensor
         for name, value in units._asdict().items():
             self.register_buffer(name, value)
-        self.is_motion: Tensor
-        self.register_buffer("is_motion", known.is_motion.float(), persistent=False)
+        self.learned: Tensor
+        learned = known.is_motion & (known.signs[MOTION, None] == known.signs)
+        self.register_buffer("learned", learned.float(), persistent=False)
         self.change = nn.Parameter(torch.zeros(MOTION.stop, known.n))
 
     def movement(self) -> tuple[Tensor, Tensor]:
         """S (3, n) and s0 (3,) of `Movement`, for scaled lifted states."""
-        rows = torch.eye(*self.change.shape).to(self.change) + self.change * self.is_motion
+        rows = torch.eye(*self.change.shape).to(self.change) + self.change * self.learned
         return self._dt_s * self.scale[MOTION, None] * rows, self._dt_s * self.centre[MOTION]
 
     def take(self, S: Tensor) -> None:

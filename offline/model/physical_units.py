@@ -78,12 +78,15 @@ class _FoldedEncoder(nn.Module):
         last = _linear(self.encoder.layers, -1)
         last.weight.data = with_zero_row(last.weight.data)
         last.bias.data = torch.cat([last.bias.data, torch.ones(1)])
+        if self.encoder.is_symmetric:
+            self.encoder.latent_signs = torch.cat([self.encoder.latent_signs, torch.ones(1)])
         if self.encoder.products is not None:
             weights = self.encoder.products.weights
             weights.weight.data = with_zero_row(weights.weight.data)
 
     def forward(self, seen: Tensor) -> Tensor:
-        inputs, present = seen[..., self.encoder.columns], self.encoder.present
+        inputs = seen.index_select(-1, self.encoder.columns)
+        present = self.encoder.present
         if self.is_perceptron:
             factors = (inputs[..., :present] - self.centre) / self.spread
             return self.encoder.latents(inputs, factors)

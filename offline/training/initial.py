@@ -36,6 +36,7 @@ STRUCTURE = (
     "products",
     "history_steps",
     "separate_motion",
+    "symmetry",
     "bilinear_rank",
     "saturating_gains",
     "drift_rank",

@@ -30,24 +30,19 @@ def settings_of(values: Mapping[str, float]) -> MpcSettings:
 
 
 class BicycleLinearisation:
-    """The attributes and methods of `Linearisation`, of the bicycle."""
+    """The attributes and the method of `Linearisation`, of the bicycle."""
 
     is_linear = False
 
     def __init__(self, bicycle: Bicycle, horizon: int) -> None:
         self._bicycle = bicycle
         self.psi = np.zeros((horizon + 1, N_STATES))
-        self._derivatives = np.zeros((horizon, N_STATES, N_STATES + N_INPUTS + 1))
+        self.J = np.zeros((horizon, N_STATES, N_STATES + N_INPUTS + 1))
 
     def update(self, psi_0: Array, u: Array, kappa: float) -> None:
         """As `Linearisation.update`."""
         self.psi[:] = self._bicycle.predict(psi_0.tolist(), u, kappa)
-        self._derivatives = self._bicycle.derivatives(self.psi[:-1], u, kappa)
-
-    def times_jacobian(self, y: Array, k: int) -> tuple[Array, Array]:
-        """As `Linearisation.times_jacobian`."""
-        found = y @ self._derivatives[k]
-        return found[:, :N_STATES], found[:, N_STATES:]
+        self.J = self._bicycle.derivatives(self.psi[:-1], u, kappa)
 
 
 class _TimeVaryingMpc(Mpc):

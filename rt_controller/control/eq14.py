@@ -9,11 +9,10 @@ the slacks s of the corridor. The lifted states are eliminated, so its size does
 number. Once a period the model is linearised along the last plan (one iteration of a sequential
 quadratic program), from the derivative of one step,
 
-    J_k = A + N W_k S,      by psi_k
-    [B_uc B_uw] + N t_k M,  by [u_k; kappa]
+    J_k = [A + N W_k S | B + N t_k M],  by psi_k and by [u_k; kappa]
 
-with the value t of each gain, W = diag(f t' - o) with o = 1 for a saturation tanh(a) - a, and
-M (q, m + 1), which tells whose factor f each gain has.
+with the value t of each gain, W = diag(f t'), and M (q, 4), which tells whose factor f it has. The
+path has derivatives of its own, by kinematics.
 """
 
 from collections.abc import Sequence
@@ -76,48 +75,50 @@ class Corridor(NamedTuple):
 
 
 class Linearisation:
-    """The model along nominal inputs: the lifted states, and products with the Jacobian J_k."""
+    """The model along nominal inputs: the lifted states, and the Jacobian of every stage."""
 
     def __init__(self, bundle: Bundle, horizon: int, tracked: Sequence[int]) -> None:
         """Over `horizon` stages; `tracked`: columns of the states whose derivatives are needed."""
         self._gains = gains = Step(bundle)
-        S, N, factors = gains.S, gains.N, gains.factors
+        n, q = gains.N.shape
         self._path: PathDerivatives | None = None
-        if bundle.movement is not None:  # the derivatives of the path are further terms N W S
+        if bundle.movement is not None:
             used = {StateColumn.ey_m, StateColumn.epsi_rad, *tracked}
             used &= {*list(StateColumn)[PATH_STATES]}
             self._path = PathDerivatives(bundle.movement, sorted(used), horizon)
-            S, N = np.vstack([S, self._path.S]), np.hstack([N, self._path.N])
-            factors = np.concatenate([factors, np.full(len(self._path.S), N_INPUTS)])
-        self.is_linear = len(S) == 0
-        self._S = S
-        self._M = np.eye(N_INPUTS + 2)[factors][:, : N_INPUTS + 1]
-        self._ABN = np.hstack([bundle.A, bundle.B_uc, bundle.B_uw[:, :1], N])
-        self._W, self._t = np.zeros((horizon, len(S))), np.zeros((horizon, len(S)))
+        self.is_linear = q == 0 and self._path is None
+        self._M = np.eye(N_INPUTS + 2)[gains.factors][:, : N_INPUTS + 1]
+        """(q, 4), which of [u; kappa] is the factor of a gain"""
+        self._N = np.zeros((horizon, n, q))
+        """N W_k, then N t_k"""
         self._inputs = np.ones((horizon, N_INPUTS + 2))
         """[u; kappa; 1] of each stage"""
-        self.psi = np.zeros((horizon + 1, bundle.n_observables))
+        self.psi = np.zeros((horizon + 1, n))
         """(N + 1, n), predicted along the nominal inputs"""
+        self.J = np.zeros((horizon, n, n + N_INPUTS + 1))
+        """(N, n, n + 4), derivatives of psi_k+1 by psi_k and by [u_k; kappa]"""
+        self.J[:] = np.hstack([gains.A, gains.B[:, : N_INPUTS + 1]])
 
     def update(self, psi_0: Array, u: Array, kappa: float) -> None:
         """Predict from psi_0 (n,) under inputs (N, 3), and linearise there."""
-        psi, inputs, gains, q = self.psi, self._inputs, self._gains, self._gains.count
+        gains, psi, inputs, J = self._gains, self.psi, self._inputs, self.J
         psi[0], inputs[:, :N_INPUTS], inputs[:, N_INPUTS] = psi_0, u, kappa
-        for k in range(len(inputs)):
-            psi[k + 1] = gains(psi[k], inputs[k])
-        t, slope = gains.values(psi[:-1])
-        self._t[:, :q] = t
-        self._W[:, :q] = inputs[:, gains.factors] * slope - gains.is_saturation
+        t = gains.along(inputs, psi)
+        n, q = gains.N.shape
+        if q:
+            slope = np.ones(t.shape)
+            slope[:, gains.first_saturating :] -= np.square(t[:, gains.first_saturating :])
+            W = inputs[:, gains.factors] * slope
+            for columns, values, by, constant in (
+                (slice(n), W, gains.S, gains.A),
+                (slice(n, None), t, self._M, gains.B[:, : N_INPUTS + 1]),
+            ):
+                np.multiply(gains.N, values[:, None], out=self._N)
+                J[..., columns] = np.dot(self._N.reshape(-1, q), by).reshape(len(J), n, -1)
+                J[..., columns] += constant
         if self._path is not None:
-            self._W[:, q:], self._t[:, q:] = self._path.along(psi, kappa)
-
-    def times_jacobian(self, y: Array, k: int) -> tuple[Array, Array]:
-        """y J_k (r, n), and y times the derivative by [u; kappa] (r, 4), of rows y (r, n)."""
-        n = y.shape[1]
-        m = n + N_INPUTS + 1
-        mapped = y @ self._ABN
-        y_A, y_B, y_N = mapped[:, :n], mapped[:, n:m], mapped[:, m:]
-        return y_A + (y_N * self._W[k]) @ self._S, y_B + (y_N * self._t[k]) @ self._M
+            path = self._path.columns
+            J[:, path, :n], J[:, path, -1] = self._path.along(psi, kappa)
 
 
 class CondensedQp:
@@ -156,18 +157,18 @@ class CondensedQp:
         self.T = self.knots.interpolation
         """(N, K), from the inputs at the knots to those of all stages"""
         self._choose_outputs(cost)
-        self.linearisation = Linearisation(bundle, self.knots.horizon, self._columns)
-        s = len(self._columns)
+        self.linearisation = Linearisation(bundle, self.knots.horizon, self.columns)
+        s = len(self.columns)
         self._by_psi = np.zeros((K + 1, s, n))
-        """(K + 1, s, n), derivatives of the states in `_columns` at the knots by psi_0"""
-        self._by_psi[0] = np.eye(n)[self._columns]
+        """(K + 1, s, n), derivatives of the states in `columns` at the knots by psi_0"""
+        self._by_psi[0] = np.eye(n)[self.columns]
         self._by_input = np.zeros((horizon, K + 1, s, N_INPUTS + 1))
         """(N, K + 1, s, 4), the same by [u; kappa] of each stage"""
         self._bound_inputs(bundle)
-        self._R, self._from_previous = _cost_of_inputs(cost, self.knots, self.scale)
-        self.matrices_vary = self._has_course or not self.linearisation.is_linear
+        self.R, self.from_previous = _cost_of_inputs(cost, self.knots, self.scale)
+        self.matrices_vary = self.has_course or not self.linearisation.is_linear
         if self.matrices_vary:
-            require_convex(self._R)  # then H is convex for every state
+            require_convex(self.R)  # then H is convex for every state
         self.program = self._assemble(corridor)
         self._check_at_typical_state(bundle)
 
@@ -181,20 +182,20 @@ class CondensedQp:
         with np.errstate(over="ignore"):  # no weight, as an infinite tolerance
             weights = 1.0 / np.square(np.array(cost.state, dtype=float))
         ey, epsi, vx = StateColumn.ey_m, StateColumn.epsi_rad, StateColumn.vx_mps
-        self._has_course = bool(cost.heading == "course" and weights[epsi] > 0.0)
+        self.has_course = bool(cost.heading == "course" and weights[epsi] > 0.0)
         """the course is the last output, in place of epsi"""
         columns = [c for c in StateColumn if weights[c] > 0.0 or c is ey]
-        if self._has_course:
+        if self.has_course:
             columns.remove(epsi)
-        self._columns = columns
+        self.columns = columns
         self._ey = columns.index(ey)
         self._vx = columns.index(vx) if vx in columns else None
         # A state counts for all periods of its interval.
-        Q = self.knots.intervals[:, None] * weights[[*columns, *[epsi] * self._has_course]]
+        Q = self.knots.intervals[:, None] * weights[[*columns, *[epsi] * self.has_course]]
         Q[-1] *= cost.terminal_factor
         self._shape = Q.shape
         """(K, p)"""
-        self._Q = Q.reshape(-1)
+        self.Q = Q.reshape(-1)
         """(K p,), the diagonal of Q at the end of each interval between knots"""
         self._interval_s = PERIOD_S * self.knots.intervals
         self._length_m = np.ones(len(Q))
@@ -203,14 +204,16 @@ class CondensedQp:
     def _bound_inputs(self, bundle: Bundle) -> None:
         """Bounds of v, and its largest changes between two knots. Paper: eq. (14)."""
         limits, K = (bundle.car or DEFAULT_CAR).limits, self.knots.count
-        self._range = np.subtract(INPUT_LIMITS.upper, INPUT_LIMITS.lower)
-        self.scale = np.tile(self._range, K)
-        """(nv,), u = scale * v"""
-        self._v_min, self._v_max = (np.array(u) / self._range for u in limits[:2])
+        self.range: Array = np.subtract(INPUT_LIMITS.upper, INPUT_LIMITS.lower)
+        """(3,), u = range * v"""
+        self.scale = np.tile(self.range, K)
+        """(nv,), the range of each number of v"""
+        self.v_min, self.v_max = (np.array(u) / self.range for u in limits[:2])
+        self.slew: Array = np.array(limits.rate_per_s) * PERIOD_S / self.range
+        """(3,), largest change of v in a period"""
         self._usual_rate = limits.rate_per_s.steer_rad
         self._steering_rate = self._usual_rate
-        slew = np.array(limits.rate_per_s) * PERIOD_S / self._range
-        self._slew = np.tile(slew, (K, 1))
+        self._slew = np.tile(self.slew, (K, 1))
         """(K, 3), largest change of v since the knot before; at the first since the last period"""
         self._slew[1:] *= self.knots.intervals[:-1, None]
         self._usual_slew = self._slew[:, InputColumn.steer_rad].copy()
@@ -234,7 +237,7 @@ class CondensedQp:
             bounds[:nv].reshape(-1, N_INPUTS)
             for bounds in (program.lower, program.upper, program.row_lower, program.row_upper)
         )
-        self._lower[:], self._upper[:] = self._v_min, self._v_max
+        self._lower[:], self._upper[:] = self.v_min, self.v_max
         self._row_lower[:], self._row_upper[:] = -self._slew, self._slew
         self._ey_lower, self._ey_upper = program.row_lower[nv:], program.row_upper[nv:]
         return program
@@ -251,16 +254,16 @@ class CondensedQp:
         by_input = self._by_input.reshape(len(self._by_input), -1)
         by_knot = np.dot(self.T.T, by_input).reshape(-1, *self._by_input.shape[1:])
         by_v = by_knot[..., :N_INPUTS].transpose(1, 2, 0, 3)  # by knot and input
-        rows = self._Q.size
+        rows = self.Q.size
         self._Gamma = self._outputs(by_v).reshape(rows, -1) * self.scale
         self._Phi = self._outputs(self._by_psi).reshape(rows, -1)
         self._g = self._outputs(self._by_input[..., N_INPUTS].sum(axis=0)).reshape(-1)
         v_nominal = self.u_nominal.reshape(-1) / self.scale
-        self._constant = self._outputs(x[:, self._columns]).reshape(-1)
+        self._constant = self._outputs(x[:, self.columns]).reshape(-1)
         self._constant -= self._Gamma @ v_nominal + self._Phi @ self.psi_0 + self._g * self.kappa
-        self._Gamma_Q = self._Gamma.T * self._Q
+        self._Gamma_Q = self._Gamma.T * self.Q
         np.dot(self._Gamma_Q, self._Gamma, out=self.H)
-        self.H += self._R
+        self.H += self.R
         if self._corridor is not None:
             nv = len(self.H)
             self.program.P[:nv, :nv] = self.H
@@ -273,13 +276,14 @@ class CondensedQp:
             if k + 1 == self.knots.ends[first - 2]:
                 first -= 1
                 Y[first] = Y[0]
-            y_J, y_B = self.linearisation.times_jacobian(Y[first:].reshape(-1, n), k)
-            Y[first:] = y_J.reshape(-1, *Y.shape[1:])
-            self._by_input[k, first:] = y_B.reshape(-1, *self._by_input.shape[2:])
+            y_J = np.dot(Y[first:].reshape(-1, n), self.linearisation.J[k])
+            by_psi, by_input = y_J[:, :n], y_J[:, n:]
+            Y[first:] = by_psi.reshape(-1, *Y.shape[1:])
+            self._by_input[k, first:] = by_input.reshape(-1, *self._by_input.shape[2:])
 
     def _outputs(self, x: Array) -> Array:
         """Outputs (K, p, ...) at the ends of the intervals, of states (K + 1, s, ...) at knots."""
-        if not self._has_course:
+        if not self.has_course:
             return x[1:]
         ey = x[:, self._ey]
         course = (ey[1:] - ey[:-1]) / self._length_m.reshape(-1, *[1] * (ey.ndim - 1))
@@ -291,11 +295,11 @@ class CondensedQp:
 
     def update_vectors(self) -> None:
         """Update f, with the maps of the last `update_matrices`."""
-        x_r = self._outputs(self.x_r[:, self._columns]).reshape(-1)
+        x_r = self._outputs(self.x_r[:, self.columns]).reshape(-1)
         self._d = self._Phi @ self.psi_0 + self._g * self.kappa + self._constant - x_r
         """(K p,), outputs less their references, for inputs v = 0"""
         np.dot(self._Gamma_Q, self._d, out=self.f)
-        self.f[:N_INPUTS] += self._from_previous * self.u_prev
+        self.f[:N_INPUTS] += self.from_previous * self.u_prev
         if self._corridor is not None:
             # -half <= e_y - e_y,r + s <= half: one slack of an interval serves both sides.
             ey_m, half_m = self._of_stage(self._d)[:, self._ey], self._corridor.half_width_m
@@ -309,25 +313,25 @@ class CondensedQp:
         presses `pedal` at its end: then this pedal gives what is needed, and the linearisation
         along the plan does not tell what an engine does whose throttle is closed.
         """
-        is_pressed = self.u_nominal[-1, pedal] > RELEASED * self._range[pedal]
+        is_pressed = self.u_nominal[-1, pedal] > RELEASED * self.range[pedal]
         if is_pressed or self._vx is None:
             return 0.0
         row = self._vx - self._shape[1]  # v_x at the end of the horizon
         steer = slice(InputColumn.steer_rad, None, N_INPUTS)
         steered = self._Gamma[row, steer] @ self.u_nominal[:, InputColumn.steer_rad]
-        steered /= self._range[InputColumn.steer_rad]
+        steered /= self.range[InputColumn.steer_rad]
         return -float(self._d[row] + steered) / (PERIOD_S * self.knots.horizon)
 
     def update_bounds(self, pedals: PedalChoice) -> None:
         """Update the bounds that depend on the input of the last period."""
-        v_prev, slew = self.u_prev / self._range, self._slew[0]
+        v_prev, slew = self.u_prev / self.range, self._slew[0]
         self._row_lower[0], self._row_upper[0] = v_prev - slew, v_prev + slew
-        limit_pedals(self._upper, self._periods_to_knot, pedals, v_prev, slew, self._v_max)
+        limit_pedals(self._upper, self._periods_to_knot, pedals, v_prev, slew, self.v_max)
 
     def limit_steering(self, most_rad: float, rate_radps: float) -> None:
         """Bound the wheel to ±`most_rad`, and its changes by a rate below the usual one."""
         steer = InputColumn.steer_rad
-        self._upper[:, steer] = most_rad / self._range[steer]
+        self._upper[:, steer] = most_rad / self.range[steer]
         self._lower[:, steer] = -self._upper[:, steer]
         if rate_radps == self._steering_rate:
             return

@@ -37,6 +37,13 @@ OFFSET_GAIN = VehicleState(0.0, 0.03, 0.0, 0.0, 0.001, 0.001)
 """the same of the offset of the prediction: with it a wrong model or a sensor with an offset leaves
 no constant difference"""
 
+
+
+def low_pass(motion_gain: float) -> VehicleState:
+    """Share of what a prediction of each state did not explain that becomes disturbance."""
+    return VehicleState(SPEED_GAIN, motion_gain, motion_gain, 0.0, PLACE_GAIN, PLACE_GAIN)
+
+
 MOTION, PLACE = range(StateColumn.ey_m), range(StateColumn.ey_m, N_STATES)
 """columns predicted by the model and by kinematics"""
 
@@ -106,9 +113,7 @@ class Estimator:
         self.step = step or DrivenStep(bundle)
         self._roll_outs = RollOuts(bundle.n_observables, self.step)
         self._response = DisturbanceResponse(max(periods, STEPS))
-        self._low_pass = np.array(
-            VehicleState(SPEED_GAIN, motion_gain, motion_gain, 0.0, PLACE_GAIN, PLACE_GAIN)
-        )
+        self._low_pass = np.array(low_pass(motion_gain))
         self._pedals = 0.0
         """throttle less brake, of their ranges, averaged over about ten periods"""
         self._is_advanced = False

@@ -190,13 +190,16 @@ class Mpc:
         """
         if not self._has_plan:
             return None
-        kappa, horizon, delay = self._qp.kappa, len(self.inputs), len(self._under_way)
-        reference = ReferenceHorizon(place_knots(horizon, horizon))
-        reference.expand(self._path, self._x_0, kappa, self._preview, delay)
-        W = np.full((1, horizon, 1), kappa)
-        # e_y and e_psi are counted from the circle of the curvature at the car.
-        (states,) = roll_out(self._bundle, self._qp.psi_0[None], self.inputs[None], W, N_STATES)
-        return reference.counted_from_road(states)
+        return predict_states(
+            self._bundle,
+            self._qp.psi_0,
+            self.inputs,
+            self._x_0,
+            self._qp.kappa,
+            self._path,
+            self._preview,
+            len(self._under_way),
+        )
 
     def _update_matrices(self) -> bool:
         """True if the matrices along the last plan make a convex QP."""
@@ -210,3 +213,26 @@ class Mpc:
         np.minimum(throttle, MOST_NOMINAL_THROTTLE, out=throttle)
         qp.update_matrices()
         return not qp.matrices_vary or self._solver.update_matrices()
+
+
+def predict_states(
+    bundle: Bundle,
+    psi_0: Array,
+    inputs: Array,
+    x_0: VehicleState,
+    curvature_per_m: float,
+    path: PathReference,
+    preview: CurvaturePreview | None,
+    delay: int,
+) -> Array:
+    """States (N + 1, 6) from psi_0 (n,) under inputs (N, 3), which begin `delay` periods after x_0.
+
+    Allocates memory.
+    """
+    horizon = len(inputs)
+    reference = ReferenceHorizon(place_knots(horizon, horizon))
+    reference.expand(path, x_0, curvature_per_m, preview, delay)
+    W = np.full((1, horizon, 1), curvature_per_m)
+    # e_y and e_psi are counted from the circle of the curvature at the car.
+    (states,) = roll_out(bundle, psi_0[None], inputs[None], W, N_STATES)
+    return reference.counted_from_road(states)

@@ -27,7 +27,7 @@ class Pedal(IntEnum):
 CHANGE_MPS2 = 0.25
 """acceleration beyond that of released pedals for which the other pedal is taken: the hysteresis"""
 
-_CHANGE_TICKS = round(PEDAL_CHANGE_S / PERIOD_S)
+CHANGE_TICKS = round(PEDAL_CHANGE_S / PERIOD_S)
 
 
 class PedalChoice:
@@ -56,7 +56,7 @@ class PedalChoice:
 
     def _change_to(self, pedal: Pedal) -> None:
         self.pedal = pedal
-        self.ticks_until_pressed = _CHANGE_TICKS
+        self.ticks_until_pressed = CHANGE_TICKS
 
 
 def limit_pedals(

@@ -10,23 +10,46 @@ from rt_controller.contract.signals import (
     PathReference,
     VehicleState,
 )
-from rt_controller.control.observer import StateObserver
 from rt_controller.control.program import SolveStatus
 
 
+class Observer(Protocol):
+    """What the loop needs of `StateObserver`."""
+
+    @property
+    def psi(self) -> Array:
+        """(n,), the state that was lifted last."""
+
+    def observe(self, state: VehicleState, held: ControlInput) -> VehicleState:
+        """x_0: the filtered state; `held` was applied until now."""
+
+    def observe_estimate(self, state: VehicleState, held: ControlInput) -> VehicleState:
+        """The same with a state that is partly estimated, since a signal is faulty."""
+
+    def assume_steady(
+        self, state: VehicleState, curvature_per_m: float, applied: ControlInput
+    ) -> None:
+        """A drive begins with a car that turns steadily with this input."""
+
+
 class Planner(Protocol):
-    """From the state of a period and the path to planned inputs; `Mpc` and `LawPlanner`."""
+    """From the state of a period and the path to planned inputs.
+
+    `Mpc`, the same law in C, and `LawPlanner`.
+    """
 
     name: str
     """for people: of the model with the first digits of its hash, or of the law"""
-    observer: StateObserver
-    """of the model that the checks predict with"""
     inputs: Array
     """(N, 3), the last plan that succeeded; its first row is for the period of `plan`"""
     solve_ns: int
     """time of the last solve"""
     max_iterations: int | None
     """of a solve, where its time is limited"""
+
+    @property
+    def observer(self) -> Observer:
+        """Of the model that the checks predict with."""
 
     @property
     def iterations(self) -> int:

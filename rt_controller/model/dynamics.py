@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.signals import PATH_STATES
 from rt_controller.model.follow import Follow
-from rt_controller.model.path_kinematics import Movement, path_after, path_of_one
+from rt_controller.model.path_kinematics import Movement, path_after, path_of, path_of_one
 
 
 class Shape(IntEnum):
@@ -104,8 +104,9 @@ class Dynamics(Protocol):
 class Step:
     """One step of a model of n observables, m inputs and p signals, its matrices arranged once.
 
-    Each of the q gains adds N (t f - a o), where t = tanh(a), or a if the gain is linear, f is its
-    factor, and o is 1 for a saturation tanh(a) - a.
+        psi+ = A psi + B [u; w] + c + N (t f),  t = tanh(S psi + s0), or S psi + s0 if it is linear
+
+    with the factor f of each gain. The linear part of a saturation tanh(a) - a belongs to A and c.
 
     Paper: eq. (8).
     """
@@ -117,13 +118,14 @@ class Step:
         self.count = len(self.s0)
         self.first_saturating = int(np.count_nonzero(gains.shape == Shape.LINEAR))
         """index of the first gain whose t is a hyperbolic tangent"""
-        self.is_saturation: Array = np.asarray(gains.shape == Shape.SATURATION, dtype=np.float64)
-        self.has_saturation = bool(self.is_saturation.any())
-        self._by_psi = np.ascontiguousarray(np.vstack((model.A, self.S)).T)
+        self._subtracted = self.N * (gains.shape == Shape.SATURATION)
+        self.A: Array = model.A - self._subtracted @ self.S
+        self.c: Array = model.c - self._subtracted @ self.s0
+        self.B: Array = np.hstack((model.B_uc, model.B_uw))
+        self._by_psi = np.ascontiguousarray(np.vstack((self.A, self.S)).T)
         self._movement, self._curvature = model.movement, m
-        forcing = np.hstack((model.B_uc, model.B_uw, np.reshape(model.c, (n, 1))))
-        self._by_inputs = np.hstack((forcing.T, np.zeros((m + p + 1, self.count))))
-        self._by_inputs[-1, n:] = self.s0
+        self._by_inputs = np.zeros((m + p + 1, n + self.count))
+        self._by_inputs[:-1, :n], self._by_inputs[-1] = self.B.T, np.append(self.c, self.s0)
         self._N_T = np.ascontiguousarray(self.N.T)
 
     def __call__(self, psi: Array, inputs: Array, followed: Array | None = None) -> Array:
@@ -131,7 +133,7 @@ class Step:
 
         The gains are those of the lifted states `followed` (..., n); None: of psi.
         """
-        following = self._linear_and_gains(psi, inputs, followed)
+        following = self._without_path(psi, inputs, followed)
         if self._movement is not None:
             moved, path = psi @ self._movement.S.T + self._movement.s0, psi[..., PATH_STATES]
             curvature = inputs[..., self._curvature]
@@ -141,29 +143,43 @@ class Step:
                 following[..., PATH_STATES] = path_after(moved, curvature, path)
         return following
 
-    def values(self, psi: Array) -> tuple[Array, Array]:
-        """t (..., q) of each gain at psi (..., n), and its derivative dt/da."""
-        t = psi @ self.S.T + self.s0
-        slope = np.ones(t.shape)
-        saturating = t[..., self.first_saturating :]
-        np.tanh(saturating, out=saturating)
-        slope[..., self.first_saturating :] -= np.square(saturating)
-        return t, slope
+    def along(self, inputs: Array, psi: Array) -> Array:
+        """Predict lifted states psi (K + 1, n) in place, from psi[0]; returns the t (K, q).
 
-    def _linear_and_gains(self, psi: Array, inputs: Array, followed: Array | None) -> Array:
+        `inputs` [u; w; 1] (K, m + p + 1), with a constant curvature of the road.
+        """
+        n, first = psi.shape[1], self.first_saturating
+        forcing, factors = inputs @ self._by_inputs, inputs[:, self.factors]
+        t = np.empty(factors.shape)
+        for k, t_k in enumerate(t):
+            mapped = np.dot(psi[k], self._by_psi)
+            mapped += forcing[k]
+            psi[k + 1] = mapped[:n]
+            if self.count:
+                t_k[:] = mapped[n:]
+                np.tanh(t_k[first:], out=t_k[first:])
+                psi[k + 1] += np.dot(t_k * factors[k], self._N_T)
+        if self._movement is not None:
+            moved, path = psi[:-1] @ self._movement.S.T + self._movement.s0, psi[0, PATH_STATES]
+            psi[1:, PATH_STATES] = path_of(moved, float(inputs[0, self._curvature]), path)
+        return t
+
+    def _without_path(self, psi: Array, inputs: Array, followed: Array | None) -> Array:
         mapped: Array = psi @ self._by_psi + inputs @ self._by_inputs
         if self.count == 0:
             return mapped
-        a = mapped[..., -self.count :] if followed is None else followed @ self.S.T + self.s0
-        t = np.array(a)
-        saturating = t[..., self.first_saturating :]
-        np.tanh(saturating, out=saturating)
-        t *= inputs[..., self.factors]
-        if self.has_saturation:
-            t -= a * self.is_saturation
-        following: Array = mapped[..., : -self.count]
-        following += t @ self._N_T
+        a, following = mapped[..., -self.count :], mapped[..., : -self.count]
+        if followed is not None:
+            of_psi, a = a, followed @ self.S.T + self.s0
+            following += (of_psi - a) @ self._subtracted.T
+        following += (self.values(a) * inputs[..., self.factors]) @ self._N_T
         return following
+
+    def values(self, a: Array) -> Array:
+        """t (..., q) of the gains, from their arguments a (..., q), which are overwritten."""
+        saturating = a[..., self.first_saturating :]
+        np.tanh(saturating, out=saturating)
+        return a
 
 
 def roll_out(model: Dynamics, psi0: Array, U: Array, W: Array, outputs: int) -> Array:

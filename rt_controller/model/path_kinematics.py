@@ -109,33 +109,33 @@ def path_of_one(moved: Array, curvature_per_m: float, path: Array) -> tuple[floa
 
 
 class PathDerivatives:
-    """The derivatives of `path_of` over one period, as terms N W S of the Jacobian of psi+.
-
-    The rows of S are the movement, e_y and e_psi; each of `columns` of psi depends on all of them.
-    """
+    """The derivatives of `path_of` over one period, by movement, e_y, e_psi and the curvature."""
 
     def __init__(self, movement: Movement, columns: Sequence[int], periods: int) -> None:
         """`columns` of the path states that are needed: e_y, e_psi, perhaps Δs."""
         self._movement = movement
-        unit = np.eye(movement.S.shape[1])
-        place = unit[[StateColumn.ey_m, StateColumn.epsi_rad]]
-        self.S = np.tile(np.vstack([movement.S, place]), (len(columns), 1))
-        """(q, n)"""
-        self.N = np.repeat(unit[:, list(columns)], len(self.S) // len(columns), axis=1)
-        """(n, q)"""
+        place = np.eye(movement.S.shape[1])[[StateColumn.ey_m, StateColumn.epsi_rad]]
+        self._S = np.vstack([movement.S, place])
+        """(5, n)"""
+        self.columns = list(columns)
         self._rows = {c: i for i, c in enumerate(columns)}
         self._values = np.zeros((periods, len(columns), 5))
-        self._by_curvature = np.zeros((periods, len(columns), 5))
+        self._by_curvature = np.zeros((periods, len(columns)))
 
     def along(self, psi: Array, curvature_per_m: float) -> tuple[Array, Array]:
-        """W (K, q), and derivatives (K, q) by the curvature, along lifted states (K + 1, n)."""
+        """Of `columns`, by psi (K, c, n) and by the curvature (K, c).
+
+        Along lifted states (K + 1, n).
+        """
         moved = psi[:-1] @ self._movement.S.T + self._movement.s0
-        return self.at(moved, curvature_per_m, psi[:, PATH_STATES])
+        values, by_curvature = self.at(moved, curvature_per_m, psi[:, PATH_STATES])
+        return values @ self._S, by_curvature
 
     def at(self, moved: Array, curvature_per_m: float, path: Array) -> tuple[Array, Array]:
-        """W (K, q), and derivatives (K, q) by the curvature, for K periods.
+        """Of `columns`, by movement, e_y and e_psi (K, c, 5), and by the curvature (K, c).
 
-        The movement (K, 3) in them, path states (K + 1, 3) at their begins and at the last end.
+        For K periods: the movement (K, 3) in them, path states (K + 1, 3) at their begins and at
+        the last end.
         """
         (ahead, left, turned), kappa = moved.T, curvature_per_m
         ds, ey, epsi = path.T
@@ -163,12 +163,11 @@ class PathDerivatives:
         numerator = 2.0 * y_m - kappa * squared
         by_turn = x_m / (radius_ratio * radius_ratio)
         ey_row, epsi_row = self._rows[StateColumn.ey_m], self._rows[StateColumn.epsi_rad]
-        by_curvature[:, ey_row, 0] = (-squared * one - numerator * by_ratio) / (one * one)
-        by_curvature[:, epsi_row, 0] = -by_turn
+        by_curvature[:, ey_row] = (-squared * one - numerator * by_ratio) / (one * one)
+        by_curvature[:, epsi_row] = -by_turn
         if StateColumn.ds_m in self._rows:
             values[:, self._rows[StateColumn.ds_m]] = to_ds.T
             is_straight = abs(kappa) < _STRAIGHT_PER_M
             by_ds = x_m * y_m if is_straight else (by_turn - ds[1:]) / kappa
-            by_curvature[:, self._rows[StateColumn.ds_m], 0] = by_ds
-        shape = len(values), -1
-        return values.reshape(shape), by_curvature.reshape(shape)
+            by_curvature[:, self._rows[StateColumn.ds_m]] = by_ds
+        return values, by_curvature

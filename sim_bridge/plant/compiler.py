@@ -1,25 +1,16 @@
-"""`compile_library`: C files to a shared library, with the C compiler of this machine.
+"""`compile_car`: the simulated car as a shared library, which is named after its sources.
 
-`compile_car` does so with the simulated car, into a file that is named after its sources. The
-build of the package loads this file by its path, before the package is installed: it may import the
-standard library only.
+The build of the package imports this file before the package is installed: it may import the
+standard library and the compiler of the contract only.
 """
 
 import ast
-import hashlib
-import importlib.util
-import os
-import platform
-import shlex
-import shutil
-import subprocess
-import sys
 import tempfile
-from collections.abc import Sequence
 from pathlib import Path
 
-FLAGS = ("-std=c99", "-O2", "-fPIC", "-shared", "-fvisibility=hidden", "-ffp-contract=off")
-"""arithmetic as IEEE 754 has it: no fused or reordered operations"""
+from rt_controller.contract.compiler import compile_library, library_name, remove_others
+
+OPTIONS = ("-O2", "-fvisibility=hidden")
 SOURCES = Path(__file__).with_name("c")
 BUILT = Path(__file__).with_name("built")
 """where the compiled car is, in an installation and in a checkout"""
@@ -30,35 +21,6 @@ _STRUCTS = {"StateIndex": "State", "PlantOutputs": "Outputs"}
 _ARRAYS = {"Ratios": "[N_GEARS]", "Efficiencies": "[N_GEARS]", "MapTorques": "[N_MAP][N_MAP]"}
 _OF_FILE = {"_FromTyreFile": "TyreFileParameters"}
 _ARRAYS |= {"MapSpeeds": "[N_MAP]", "MapPedals": "[N_MAP]", "PerWheel": "[N_WHEELS]"}
-_NAMES = ("cc", "gcc", "clang")
-_TIMEOUT_S = 300.0
-
-
-class CompileError(Exception):
-    """There is no C compiler, or it does not compile the files; the message has a remedy."""
-
-
-def find_compiler() -> list[str]:
-    """The command of the C compiler: $CC with its options, else cc, gcc, clang or package ziglang.
-
-    Raises:
-        CompileError: there is none.
-    """
-    chosen = shlex.split(os.environ.get("CC", ""))
-    for program, *options in (chosen,) if chosen else ((name,) for name in _NAMES):
-        path = shutil.which(program)
-        if path is not None:
-            return [path, *options]
-    if not chosen and importlib.util.find_spec("ziglang") is not None:
-        # Without a baseline, zig compiles for this very processor.
-        return [sys.executable, "-m", "ziglang", "cc", "-mcpu=baseline"]
-    found = f"CC={chosen[0]}, which is no program" if chosen else "none"
-    raise CompileError(
-        f"expected a C compiler, {', '.join(_NAMES)} or the one in $CC, found {found}. Install "
-        f"one: apt-get install gcc libc6-dev (Debian, Ubuntu) or pip install ziglang"
-    )
-
-
 def records_header() -> str:
     """`records.h`: the named tuples of a car as structs of doubles, fields in their order.
 
@@ -102,42 +64,9 @@ def _record(node: ast.stmt) -> tuple[str, list[tuple[str, str]] | int]:
     return "", []
 
 
-def compile_library(files: Sequence[Path], library: Path, headers: Path = SOURCES) -> None:
-    """Compile the files into one shared library; a file of that name is replaced at once.
-
-    `headers`: folder with further headers.
-
-    Raises:
-        CompileError: there is no C compiler, or it does not compile them.
-        OSError: the library cannot be written.
-    """
-    compiler = find_compiler()
-    part = library.with_name(f".{library.name}.{os.getpid()}")
-    command = [*compiler, *FLAGS, "-I", str(headers), "-o", str(part), *map(str, files), "-lm"]
-    try:
-        done = subprocess.run(
-            command, check=False, capture_output=True, text=True, timeout=_TIMEOUT_S
-        )
-        if done.returncode != 0:
-            said = "\n".join(done.stderr.strip().splitlines()[:8])
-            raise CompileError(
-                f"{compiler[0]}: expected a C99 compiler with the headers of the C library, found "
-                f"an error. Install the headers (Debian, Ubuntu: apt-get install libc6-dev) or "
-                f"name another compiler in $CC. It said:\n{said}"
-            )
-        part.replace(library)
-    except subprocess.TimeoutExpired as error:
-        raise CompileError(f"{compiler[0]}: expected an end, found {error}.") from error
-    finally:
-        part.unlink(missing_ok=True)
-
-
 def car_library_name() -> str:
     """File name of the car that is compiled from the present sources for this kind of processor."""
-    digest = hashlib.sha256(f"{FLAGS} {records_header()}".encode())
-    for file in sorted(SOURCES.iterdir()):
-        digest.update(file.read_bytes())
-    return f"car-{platform.machine()}-{digest.hexdigest()[:16]}.so"
+    return library_name("car", [*SOURCES.iterdir()], f"{OPTIONS} {records_header()}")
 
 
 def compile_car(folder: Path) -> Path:
@@ -152,7 +81,6 @@ def compile_car(folder: Path) -> Path:
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory() as headers:
             Path(headers, "records.h").write_text(records_header(), "utf-8")
-            compile_library(sorted(SOURCES.glob("*.c")), library, Path(headers))
-        for other in set(folder.glob(f"car-{platform.machine()}-*.so")) - {library}:
-            other.unlink(missing_ok=True)
+            compile_library(sorted(SOURCES.glob("*.c")), library, Path(headers), OPTIONS)
+        remove_others(library, "car")
     return library

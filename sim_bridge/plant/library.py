@@ -14,11 +14,11 @@ from typing import Any
 import numpy as np
 
 from rt_controller.contract.arrays import Array
-from rt_controller.contract.errors import MissingExtraError
+from rt_controller.contract.compiler import built_library
 from rt_controller.contract.files import user_cache_folder
 from rt_controller.contract.signals import ControlInput
 from rt_controller.contract.timing import PERIOD_S
-from sim_bridge.plant.compiler import BUILT, CompileError, car_library_name, compile_car
+from sim_bridge.plant.compiler import BUILT, car_library_name, compile_car
 from sim_bridge.plant.parameters import Parameters
 from sim_bridge.plant.parts import RoadParameters
 from sim_bridge.plant.protocol import PlantOutputs, require_start_speed
@@ -74,19 +74,7 @@ def _library_file() -> Path:
     """The compiled car; compiled now, if it is in none of the folders that may have it."""
     user_cache = user_cache_folder()
     folders = [BUILT, *([user_cache / "car"] if user_cache else [])]
-    for folder in folders:
-        if (folder / car_library_name()).exists():
-            return folder / car_library_name()
-    problem = ""
-    for folder in folders:
-        try:
-            return compile_car(folder)
-        except OSError as error:
-            problem = f"expected a folder that can be written, found {error}"
-        except CompileError as error:
-            problem = str(error)
-            break
-    raise MissingExtraError(f"The simulated car is not compiled yet: {problem}.")
+    return built_library("simulated car", car_library_name(), folders, compile_car)
 
 
 def car_record(parameters: Parameters) -> Array:

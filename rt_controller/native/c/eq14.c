@@ -1,0 +1,254 @@
+/* Eq. (14) as a condensed QP over the inputs at the knots, in the letters of rt_controller/control/
+ * eq14.py.
+ *
+ * The model is linearised along the nominal inputs: J_k = A + N W_k S by psi_k and
+ * [B_uc B_uw] + N t_k M by [u_k; kappa], and for the path by kinematics. */
+
+#include "mdk_internal.h"
+
+/* The input of a stage: a straight line between two knots. Sets the knot before it and the share of
+ * the next one. */
+int mdk_knot_of(const mdk_problem *p, int stage, mdk_real *share) {
+    int j = p->knots - 1;
+    while (p->stages[j] > stage) {
+        j--;
+    }
+    *share = R(0);
+    if (j + 1 < p->knots) {
+        *share = R(stage - p->stages[j]) / R(p->stages[j + 1] - p->stages[j]);
+    }
+    return j;
+}
+
+/* The last plan, shifted by one period; without one the last input, held. */
+static void choose_nominal_inputs(mdk_controller *c) {
+    const mdk_problem *p = &c->model->problem;
+    mdk_eq14 *e = &c->eq14;
+    for (int j = 0; j < p->knots; j++) {
+        const int stage = p->stages[j] + 1 < p->horizon ? p->stages[j] + 1 : p->horizon - 1;
+        mdk_real *u = e->u_nominal + j * MDK_INPUTS;
+        copy(MDK_INPUTS, c->has_plan ? e->inputs + stage * MDK_INPUTS : e->u_prev, u);
+        u[MDK_THROTTLE] = smaller(u[MDK_THROTTLE], p->most_nominal_throttle);
+    }
+}
+
+/* The tracked states of psi at a knot, and the length of the interval that ends there. */
+static void note_states(mdk_controller *c, int knot, int stage, const mdk_real *psi) {
+    const mdk_problem *p = &c->model->problem;
+    for (int a = 0; a < p->tracked; a++) {
+        const int column = column_of(&c->model->dynamics, p->columns[a]);
+        c->eq14.x[knot * p->tracked + a] = psi[column];
+    }
+    if (knot > 0) {
+        const mdk_real interval_s = R(stage - p->stages[knot - 1]) * c->model->period_s;
+        c->eq14.length_m[knot] = larger(psi[MDK_VX], p->slowest_mps) * interval_s;
+    }
+}
+
+/* Predict from psi_0 along the nominal inputs: the states at the knots, W, t, and the derivatives of
+ * the path. */
+static void linearise(mdk_controller *c) {
+    const mdk_dynamics *model = &c->model->dynamics;
+    const mdk_problem *p = &c->model->problem;
+    mdk_eq14 *e = &c->eq14;
+    const int q = model->gains;
+    mdk_real *psi = e->psi_nominal, *following = c->estimator.following;
+    copy(model->n, e->psi_0, psi);
+    for (int k = 0, knot = 0; k <= p->horizon; k++) {
+        if (k == (knot < p->knots ? p->stages[knot] : p->horizon)) {
+            note_states(c, knot++, k, psi);
+        }
+        if (k == p->horizon) {
+            break;
+        }
+        mdk_real share, inputs[MDK_SIGNALS];
+        const mdk_real *u = e->u_nominal + mdk_knot_of(p, k, &share) * MDK_INPUTS;
+        for (int i = 0; i < MDK_INPUTS; i++) {
+            inputs[i] = share > R(0) ? u[i] + share * (u[i + MDK_INPUTS] - u[i]) : u[i];
+        }
+        inputs[MDK_INPUTS] = e->kappa;
+        mdk_one_step(model, c->gains, psi, inputs, following);
+        for (int r = 0; r < q; r++) {
+            const mdk_real t = c->gains[r];
+            const mdk_real slope = r < model->linear ? R(1) : R(1) - t * t;
+            e->t[k * q + r] = t;
+            e->W[k * q + r] = factor_of(model, r, inputs) * slope;
+        }
+        if (model->has_path) {
+            mdk_real found[2][6];
+            mdk_path_derivatives(c->gains + q, psi + model->m, following + model->m, e->kappa, found);
+            copy(12, found[0], e->path + k * 12);
+        }
+        copy(model->n, following, psi);
+    }
+}
+
+/* J [m][m + 4] of stage k: by the observables that follow from A, then by [u; kappa]. */
+static void jacobian(mdk_controller *c, int k) {
+    const mdk_dynamics *model = &c->model->dynamics;
+    mdk_eq14 *e = &c->eq14;
+    const int m = model->m, q = model->gains, columns = m + MDK_SIGNALS;
+    for (int i = 0; i < m; i++) {
+        mdk_real *row = e->J + i * columns;
+        copy(m, model->A + i * m, row);
+        copy(MDK_SIGNALS, model->B + i * MDK_SIGNALS, row + m);
+        for (int r = 0; r < q; r++) {
+            const mdk_real N = model->N[i * q + r];
+            if (N == R(0)) {
+                continue; /* half of them, in a symmetric model */
+            }
+            add_scaled(m, N * e->W[k * q + r], model->S + r * m, row);
+            if (model->factor[r] < MDK_SIGNALS) {
+                row[m + model->factor[r]] += N * e->t[k * q + r];
+            }
+        }
+    }
+}
+
+/* y <- y J_k of one row y (n), and the derivatives (4) by [u; kappa] behind it. */
+static void times_jacobian(mdk_controller *c, int k, mdk_real *y) {
+    const mdk_dynamics *model = &c->model->dynamics;
+    mdk_eq14 *e = &c->eq14;
+    const int m = model->m, columns = m + MDK_SIGNALS;
+    mdk_real *found = e->y; /* (m + 4) */
+    set_zero(columns, found);
+    for (int i = 0; i < m; i++) {
+        if (y[i] != R(0)) {
+            add_scaled(columns, y[i], e->J + i * columns, found);
+        }
+    }
+    if (model->has_path) {
+        const mdk_real *to_ey = e->path + k * 12, *to_epsi = to_ey + 6;
+        const mdk_real ey = y[m + 1], epsi = y[m + 2];
+        mdk_real by[6];
+        for (int i = 0; i < 6; i++) {
+            by[i] = ey * to_ey[i] + epsi * to_epsi[i];
+        }
+        for (int i = 0; i < 3; i++) {
+            add_scaled(m, by[i], model->S + (model->gains + i) * m, found);
+        }
+        y[m] = R(0);
+        y[m + 1] = by[3];
+        y[m + 2] = by[4];
+        found[m + MDK_INPUTS] += by[5];
+    }
+    copy(m, found, y);
+    copy(MDK_SIGNALS, found + m, y + model->n);
+}
+
+/* Derivatives of the tracked states at the knots, by the adjoint equation y' <- y' J_k. */
+static void propagate(mdk_controller *c) {
+    const mdk_dynamics *model = &c->model->dynamics;
+    const mdk_problem *p = &c->model->problem;
+    mdk_eq14 *e = &c->eq14;
+    const int K = p->knots, s = p->tracked, n = model->n, row = n + MDK_SIGNALS;
+    set_zero((K + 1) * s * K * MDK_INPUTS, e->by_input);
+    set_zero((K + 1) * s, e->by_kappa);
+    set_zero((K + 1) * s * row, e->Y);
+    for (int i = 0; i <= K; i++) {
+        for (int a = 0; a < s; a++) {
+            e->Y[(i * s + a) * row + column_of(model, p->columns[a])] = R(1);
+        }
+    }
+    int first = K + 1; /* of the knots behind stage k */
+    for (int k = p->horizon - 1; k >= 0; k--) {
+        if (k + 1 == (first - 1 < K ? p->stages[first - 1] : p->horizon)) {
+            first--;
+        }
+        mdk_real share;
+        const int j = mdk_knot_of(p, k, &share);
+        jacobian(c, k);
+        for (int i = first; i <= K; i++) {
+            for (int a = 0; a < s; a++) {
+                mdk_real *y = e->Y + (i * s + a) * row, *by_u = y + n;
+                times_jacobian(c, k, y);
+                mdk_real *by = e->by_input + ((i * s + a) * K + j) * MDK_INPUTS;
+                add_scaled(MDK_INPUTS, R(1) - share, by_u, by);
+                if (share > R(0)) {
+                    add_scaled(MDK_INPUTS, share, by_u, by + MDK_INPUTS);
+                }
+                e->by_kappa[i * s + a] += by_u[MDK_INPUTS];
+            }
+        }
+    }
+}
+
+/* Output b of interval i, whose end is knot i, of values [K + 1][s][width] at the knots: a tracked
+ * state, or the course, which is the change of e_y over the distance travelled. */
+static void output(const mdk_controller *c, int i, int b, const mdk_real *values, int width,
+                   int count, mdk_real *found) {
+    const mdk_problem *p = &c->model->problem;
+    const int s = p->tracked;
+    if (b < s) {
+        copy(count, values + (i * s + b) * width, found);
+        return;
+    }
+    const mdk_real *end = values + (i * s + p->ey) * width, *begin = end - s * width;
+    for (int j = 0; j < count; j++) {
+        found[j] = (end[j] - begin[j]) / c->eq14.length_m[i];
+    }
+}
+
+/* H, and the maps of f, along the nominal inputs, around which the outputs are
+ * constant + Gamma v + Phi psi_0 + g kappa. False if H is not positive definite. */
+bool mdk_update_matrices(mdk_controller *c) {
+    const mdk_problem *p = &c->model->problem;
+    mdk_eq14 *e = &c->eq14;
+    mdk_qp *qp = &c->qp;
+    const int n = c->model->dynamics.n, K = p->knots, nv = qp->size;
+    const int outputs = p->tracked + (p->has_course ? 1 : 0);
+    choose_nominal_inputs(c);
+    linearise(c);
+    propagate(c);
+    set_zero(nv * nv, qp->H);
+    for (int i = 0; i < nv; i++) {
+        qp->H[i * nv + i] = p->R[i];
+        if (i >= MDK_INPUTS) {
+            qp->H[i * nv + i - MDK_INPUTS] = p->R_next[i - MDK_INPUTS];
+        }
+    }
+    for (int i = 1; i <= K; i++) {
+        /* The inputs at knot i act in interval i already: they are the ends of straight lines. */
+        const int acting = MDK_INPUTS * (i < K ? i + 1 : K);
+        for (int b = 0; b < outputs; b++) {
+            const int row = (i - 1) * outputs + b;
+            mdk_real *Gamma = e->Gamma + row * nv, *Phi = e->Phi + row * n;
+            output(c, i, b, e->by_input, nv, nv, Gamma);
+            output(c, i, b, e->Y, n + MDK_SIGNALS, n, Phi);
+            output(c, i, b, e->by_kappa, 1, 1, e->g + row);
+            output(c, i, b, e->x, 1, 1, e->constant + row);
+            e->constant[row] -= dot(nv, Gamma, e->u_nominal) + dot(n, Phi, e->psi_0) +
+                                e->g[row] * e->kappa;
+            for (int j = 0; j < nv; j++) {
+                Gamma[j] *= p->range[j % MDK_INPUTS];
+            }
+            for (int j = 0; j < acting; j++) {
+                add_scaled(j + 1, p->Q[row] * Gamma[j], Gamma, qp->H + j * nv);
+            }
+        }
+    }
+    return mdk_factorise(qp);
+}
+
+/* f, with the maps of the last matrices, for the present psi_0, kappa and reference. */
+void mdk_update_vectors(mdk_controller *c) {
+    const mdk_problem *p = &c->model->problem;
+    mdk_eq14 *e = &c->eq14;
+    mdk_qp *qp = &c->qp;
+    const int n = c->model->dynamics.n, nv = qp->size;
+    const int outputs = p->tracked + (p->has_course ? 1 : 0);
+    set_zero(nv, qp->f);
+    for (int i = 0; i < MDK_INPUTS; i++) {
+        qp->f[i] = p->from_previous[i] * e->u_prev[i];
+    }
+    for (int i = 1; i <= p->knots; i++) {
+        for (int b = 0; b < outputs; b++) {
+            const int row = (i - 1) * outputs + b;
+            mdk_real x_r;
+            output(c, i, b, e->x_r, 1, 1, &x_r);
+            e->d[row] = dot(n, e->Phi + row * n, e->psi_0) + e->g[row] * e->kappa +
+                        e->constant[row] - x_r;
+            add_scaled(nv, p->Q[row] * e->d[row], e->Gamma + row * nv, qp->f);
+        }
+    }
+}

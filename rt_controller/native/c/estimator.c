@@ -1,0 +1,181 @@
+/* Filtered state and constant disturbance, from predictions of the model and of kinematics. */
+
+#include "mdk_internal.h"
+
+/* Change of e_psi and e_y between two states, from speeds and yaw rates. */
+static mdk_real heading_change_rad(const mdk_real before[MDK_STATES], const mdk_real now[MDK_STATES],
+                                   mdk_real kappa, mdk_real period_s) {
+    const mdk_real yaw_rate = R(0.5) * (before[MDK_YAW_RATE] + now[MDK_YAW_RATE]);
+    return period_s * yaw_rate - kappa * now[MDK_DS];
+}
+
+static mdk_real lateral_change_m(const mdk_real before[MDK_STATES], const mdk_real now[MDK_STATES],
+                                 mdk_real mean_rad, mdk_real period_s) {
+    const mdk_real vx_mps = R(0.5) * (before[MDK_VX] + now[MDK_VX]);
+    const mdk_real vy_mps = R(0.5) * (before[MDK_VY] + now[MDK_VY]);
+    return period_s * (vx_mps * sin(mean_rad) + vy_mps * cos(mean_rad));
+}
+
+/* Replace measured states by their estimates, columns first to last - 1. */
+static void correct(mdk_controller *c, const mdk_real predicted[MDK_STATES], int first, int last,
+                    mdk_real found[MDK_STATES]) {
+    const mdk_estimation *shares = &c->model->estimation;
+    mdk_real *offset = c->estimator.offset;
+    for (int i = first; i < last; i++) {
+        const mdk_real expected = predicted[i] + offset[i];
+        const mdk_real error = found[i] - expected;
+        found[i] = expected + shares->gain[i] * error;
+        offset[i] += shares->offset_gain[i] * error;
+    }
+}
+
+/* x_0: the measured state, with the noise that the prediction does not have averaged. */
+void mdk_estimate(mdk_controller *c, const mdk_real measured[MDK_STATES],
+                  mdk_real x_0[MDK_STATES]) {
+    const mdk_dynamics *model = &c->model->dynamics;
+    mdk_estimator *e = &c->estimator;
+    copy(MDK_STATES, measured, x_0);
+    if (!e->is_advanced) {
+        e->begun = 0;
+        set_zero(MDK_STATES, e->offset);
+        copy(MDK_STATES, measured, e->before);
+        return;
+    }
+    e->is_advanced = false;
+    mdk_real predicted[MDK_STATES];
+    for (int i = 0; i < MDK_STATES; i++) {
+        predicted[i] = e->psi[e->newest * model->n + column_of(model, i)] + e->disturbance[i];
+    }
+    correct(c, predicted, 0, MDK_EY, x_0);
+    const mdk_real period_s = c->model->period_s;
+    const mdk_real turned_rad = heading_change_rad(e->before, x_0, c->kappa, period_s);
+    const mdk_real mean_rad = e->before[MDK_EPSI] + R(0.5) * turned_rad;
+    predicted[MDK_EY] = e->before[MDK_EY] + lateral_change_m(e->before, x_0, mean_rad, period_s);
+    predicted[MDK_EPSI] = e->before[MDK_EPSI] + turned_rad;
+    correct(c, predicted, MDK_EY, MDK_STATES, x_0);
+    copy(MDK_STATES, x_0, e->before);
+}
+
+/* Deviation of the states that is left after some periods of a constant disturbance, and sums of the
+ * kept shares: those of v_y and yaw rate fade; the yaw rate turns the car, heading and v_y move it
+ * sideways. */
+typedef struct {
+    mdk_real first[MDK_STATES], second[MDK_STATES], third[MDK_STATES];
+} sums;
+
+static sums response(const mdk_model *model, int periods) {
+    sums found;
+    mdk_real power[MDK_STATES];
+    for (int i = 0; i < MDK_STATES; i++) {
+        found.first[i] = found.second[i] = found.third[i] = R(0);
+        power[i] = R(1);
+    }
+    for (int k = 0; k < periods; k++) {
+        for (int i = 0; i < MDK_STATES; i++) {
+            found.third[i] += model->period_s * found.second[i];
+            found.second[i] += model->period_s * found.first[i];
+            found.first[i] += power[i];
+            power[i] *= model->estimation.kept[i];
+        }
+    }
+    return found;
+}
+
+static void deviation_of(const sums *r, const mdk_real d[MDK_STATES], mdk_real vx_mps,
+                         mdk_real found[MDK_STATES]) {
+    for (int i = 0; i < MDK_STATES; i++) {
+        found[i] = r->first[i] * d[i];
+    }
+    found[MDK_EPSI] += r->second[MDK_YAW_RATE] * d[MDK_YAW_RATE];
+    const mdk_real turned =
+        r->third[MDK_YAW_RATE] * d[MDK_YAW_RATE] + r->second[MDK_EPSI] * d[MDK_EPSI];
+    found[MDK_EY] += r->second[MDK_VY] * d[MDK_VY] + vx_mps * turned;
+}
+
+void mdk_deviation(const mdk_model *model, const mdk_real disturbance[MDK_STATES], int periods,
+                   mdk_real vx_mps, mdk_real found[MDK_STATES]) {
+    const sums r = response(model, periods);
+    deviation_of(&r, disturbance, vx_mps, found);
+}
+
+/* The disturbance of which a deviation is left after ten periods. */
+static void cause(const mdk_model *model, const mdk_real deviation[MDK_STATES], mdk_real vx_mps,
+                  mdk_real found[MDK_STATES]) {
+    const sums r = response(model, MDK_BEGUN);
+    for (int i = 0; i < MDK_STATES; i++) {
+        found[i] = deviation[i] / larger(r.first[i], R(1));
+    }
+    found[MDK_EPSI] = found[MDK_EY] = R(0);
+    static const int places[2] = {MDK_EPSI, MDK_EY};
+    for (int i = 0; i < 2; i++) {
+        mdk_real explained[MDK_STATES];
+        deviation_of(&r, found, vx_mps, explained);
+        const int place = places[i];
+        found[place] = (deviation[place] - explained[place]) / r.first[place];
+    }
+}
+
+/* Take as disturbance what keeps the motion of a car that `applied` turns steadily: a driver hands
+ * over. The speed may change, and a heading error moves the car off its place: no disturbance. */
+void mdk_assume_steady(mdk_controller *c, const mdk_real state[MDK_STATES], mdk_real kappa,
+                       const mdk_real applied[MDK_INPUTS]) {
+    const mdk_dynamics *model = &c->model->dynamics;
+    mdk_estimator *e = &c->estimator;
+    mdk_lift(c, state, kappa);
+    copy(model->n, c->psi, c->eq14.psi_0);
+    for (int k = 0; k < MDK_BEGUN; k++) {
+        mdk_step_ahead(c, applied);
+    }
+    mdk_real error[MDK_STATES], found[MDK_STATES];
+    for (int i = 0; i < MDK_STATES; i++) {
+        error[i] = state[i] - c->eq14.psi_0[column_of(model, i)];
+    }
+    const mdk_real period_s = c->model->period_s;
+    const mdk_real turned_rad = heading_change_rad(state, state, kappa, period_s);
+    const mdk_real mean_rad = state[MDK_EPSI] + R(0.5) * R(MDK_BEGUN) * turned_rad;
+    error[MDK_EPSI] += R(MDK_BEGUN) * turned_rad;
+    error[MDK_EY] += R(MDK_BEGUN) * lateral_change_m(state, state, mean_rad, period_s);
+    error[MDK_VX] = R(0);
+    cause(c->model, error, state[MDK_VX], found);
+    for (int i = 0; i < MDK_STATES; i++) {
+        const mdk_real largest = c->model->estimation.largest[i];
+        e->disturbance[i] = limited(found[i], -largest, largest);
+    }
+}
+
+/* Begin a prediction at the lifted state; advance all by a period in which `acting` acts. The error
+ * of the one that began ten periods ago changes the disturbance. */
+void mdk_advance(mdk_controller *c, const mdk_real acting[MDK_INPUTS]) {
+    const mdk_dynamics *model = &c->model->dynamics;
+    const mdk_estimation *shares = &c->model->estimation;
+    mdk_estimator *e = &c->estimator;
+    const int n = model->n;
+    const mdk_real pedals = acting[MDK_THROTTLE] - acting[MDK_BRAKE] / shares->brake_n;
+    e->pedals += (pedals - e->pedals) / R(MDK_BEGUN);
+    /* An error of v_x while a pedal moves is one of engine or brake. */
+    const mdk_real moved = (pedals - e->pedals) / shares->moved_pedal;
+    const mdk_real steady = R(1) / (R(1) + moved * moved);
+    e->newest = (e->newest + 1) % MDK_BEGUN;
+    if (e->begun >= MDK_BEGUN) {
+        const mdk_real *oldest = e->psi + e->newest * n; /* its place is taken now */
+        mdk_real error[MDK_STATES], found[MDK_STATES];
+        for (int i = 0; i < MDK_STATES; i++) {
+            const int column = column_of(model, i);
+            error[i] = c->psi[column] - oldest[column];
+        }
+        cause(c->model, error, c->psi[MDK_VX], found);
+        for (int i = 0; i < MDK_STATES; i++) {
+            const mdk_real share = shares->low_pass[i] * (i == MDK_VX ? steady : R(1));
+            const mdk_real changed = e->disturbance[i] + share * (found[i] - e->disturbance[i]);
+            e->disturbance[i] = limited(changed, -shares->largest[i], shares->largest[i]);
+        }
+    }
+    copy(n, c->psi, e->psi + e->newest * n);
+    e->begun++;
+    const mdk_real inputs[MDK_SIGNALS] = {acting[0], acting[1], acting[2], c->kappa};
+    for (int i = 0; i < MDK_BEGUN; i++) {
+        mdk_one_step(model, c->gains, e->psi + i * n, inputs, e->following);
+        copy(n, e->following, e->psi + i * n);
+    }
+    e->is_advanced = true;
+}

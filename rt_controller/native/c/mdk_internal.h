@@ -1,0 +1,103 @@
+/* What the parts of the control law share. */
+
+#ifndef MDK_INTERNAL_H
+#define MDK_INTERNAL_H
+
+#ifdef __FAST_MATH__
+#error "compile without -ffast-math: the code tests for NaN, and is compared with the Python controller"
+#endif
+
+#include <string.h>
+#include <tgmath.h> /* sin(x) is sinf(x) of a float */
+
+#include "mdk.h"
+
+#define R(number) ((mdk_real)(number))
+
+static inline mdk_real smaller(mdk_real a, mdk_real b) { return a < b ? a : b; }
+static inline mdk_real larger(mdk_real a, mdk_real b) { return a > b ? a : b; }
+static inline mdk_real limited(mdk_real x, mdk_real low, mdk_real high) {
+    return smaller(larger(x, low), high);
+}
+
+static inline void copy(int n, const mdk_real *from, mdk_real *to) {
+    memcpy(to, from, (size_t)n * sizeof(mdk_real));
+}
+
+static inline void set_zero(int n, mdk_real *x) { memset(x, 0, (size_t)n * sizeof(mdk_real)); }
+
+/* y += a x */
+static inline void add_scaled(int n, mdk_real a, const mdk_real *x, mdk_real *y) {
+    for (int i = 0; i < n; i++) {
+        y[i] += a * x[i];
+    }
+}
+
+/* Four sums, so that additions do not wait for each other. */
+static inline mdk_real dot(int n, const mdk_real *x, const mdk_real *y) {
+    mdk_real a = R(0), b = R(0), c = R(0), d = R(0);
+    int i = 0;
+    for (; i + 4 <= n; i += 4) {
+        a += x[i] * y[i];
+        b += x[i + 1] * y[i + 1];
+        c += x[i + 2] * y[i + 2];
+        d += x[i + 3] * y[i + 3];
+    }
+    for (; i < n; i++) {
+        a += x[i] * y[i];
+    }
+    return (a + b) + (c + d);
+}
+
+/* Index of a state in psi. */
+static inline int column_of(const mdk_dynamics *model, int state) {
+    const bool is_path = state >= MDK_DS;
+    return model->has_path && is_path ? model->m + state - MDK_DS : state;
+}
+
+/* What a gain is multiplied by. */
+static inline mdk_real factor_of(const mdk_dynamics *model, int gain,
+                                 const mdk_real inputs[MDK_SIGNALS]) {
+    return model->factor[gain] < MDK_SIGNALS ? inputs[model->factor[gain]] : R(1);
+}
+
+/* lift.c */
+void mdk_lift(mdk_controller *c, const mdk_real x_0[MDK_STATES], mdk_real kappa);
+void mdk_remember(mdk_controller *c, const mdk_real x_0[MDK_STATES],
+                  const mdk_real held[MDK_INPUTS]);
+
+/* dynamics.c */
+void mdk_one_step(const mdk_dynamics *model, mdk_real *gains, const mdk_real *psi,
+                  const mdk_real inputs[MDK_SIGNALS], mdk_real *following);
+void mdk_path_derivatives(const mdk_real moved[3], const mdk_real before[3],
+                          const mdk_real after[3], mdk_real kappa, mdk_real found[2][6]);
+
+/* estimator.c */
+void mdk_estimate(mdk_controller *c, const mdk_real measured[MDK_STATES],
+                  mdk_real x_0[MDK_STATES]);
+void mdk_advance(mdk_controller *c, const mdk_real acting[MDK_INPUTS]);
+void mdk_deviation(const mdk_model *model, const mdk_real disturbance[MDK_STATES], int periods,
+                   mdk_real vx_mps, mdk_real found[MDK_STATES]);
+
+/* mpc.c */
+void mdk_step_ahead(mdk_controller *c, const mdk_real input[MDK_INPUTS]);
+
+/* reference.c */
+void mdk_expand(const mdk_controller *c, const mdk_situation *now, const mdk_real x_0[MDK_STATES],
+                mdk_real *x_r);
+
+/* eq14.c */
+int mdk_knot_of(const mdk_problem *p, int stage, mdk_real *share);
+bool mdk_update_matrices(mdk_controller *c);
+void mdk_update_vectors(mdk_controller *c);
+
+/* bounds.c */
+mdk_real mdk_needed_mps2(const mdk_controller *c);
+void mdk_choose_pedal(mdk_controller *c, mdk_real needed_mps2);
+void mdk_update_bounds(mdk_controller *c);
+
+/* solver.c */
+bool mdk_factorise(mdk_qp *qp);
+mdk_status mdk_solve(mdk_qp *qp, int max_iterations);
+
+#endif

@@ -1,0 +1,209 @@
+"""The constants of a control law in C: those of a model, of its optimal control problem and limits.
+
+The named tuples are the structs of `c/mdk.h`, their fields in their order.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rt_controller.config import MpcSettings
+from rt_controller.contract.arrays import Array
+from rt_controller.contract.car import DEFAULT_CAR
+from rt_controller.contract.errors import ConfigError
+from rt_controller.contract.limits import INPUT_LIMITS, RELEASED_BRAKE_N, RELEASED_THROTTLE
+from rt_controller.contract.signals import N_INPUTS, N_STATES, PATH_STATES, StateColumn
+from rt_controller.contract.timing import HOLD_PLAN_TICKS, PERIOD_S
+from rt_controller.control import estimator, pedals
+from rt_controller.control.eq14 import RELEASED, SLOWEST_MPS, CondensedQp
+from rt_controller.control.mpc import MOST_NOMINAL_THROTTLE
+from rt_controller.model.bundle import Bundle
+from rt_controller.model.dynamics import Step
+from rt_controller.native.network import Network, network_of
+
+Whole = NDArray[np.int32]
+MAX_ITERATIONS = 150
+"""of the QP; more than any recorded plan needs by a factor of ten"""
+
+
+class DynamicsConstants(NamedTuple):
+    """As `mdk_dynamics`."""
+
+    n: int
+    m: int
+    gains: int
+    linear: int
+    A: Array
+    B: Array
+    c: Array
+    N: Array
+    S: Array
+    s0: Array
+    factor: Whole
+    has_path: bool
+
+
+class ProblemConstants(NamedTuple):
+    """As `mdk_problem`."""
+
+    horizon: int
+    knots: int
+    stages: Whole
+    tracked: int
+    columns: Whole
+    ey: int
+    vx: int
+    has_course: bool
+    Q: Array
+    R: Array
+    R_next: Array
+    from_previous: tuple[float, ...]
+    lower: tuple[float, ...]
+    upper: tuple[float, ...]
+    slew: tuple[float, ...]
+    range: tuple[float, ...]
+    pedal_change: int
+    change_mps2: float
+    released: float
+    most_nominal_throttle: float
+    slowest_mps: float
+    max_iterations: int
+
+
+class EstimationConstants(NamedTuple):
+    """As `mdk_estimation`."""
+
+    gain: tuple[float, ...]
+    offset_gain: tuple[float, ...]
+    kept: tuple[float, ...]
+    low_pass: tuple[float, ...]
+    largest: tuple[float, ...]
+    moved_pedal: float
+    brake_n: float
+
+
+class EnvelopeConstants(NamedTuple):
+    """As `mdk_envelope`."""
+
+    lower: tuple[float, ...]
+    upper: tuple[float, ...]
+    change: tuple[float, ...]
+    released: tuple[float, ...]
+
+
+class LawConstants(NamedTuple):
+    """As `mdk_model`."""
+
+    period_s: float
+    encoder: Network
+    dynamics: DynamicsConstants
+    problem: ProblemConstants
+    estimation: EstimationConstants
+    envelope: EnvelopeConstants
+    hold_periods: int
+
+    @property
+    def order(self) -> list[int]:
+        """Columns of psi in the order in which the C code has them."""
+        return order_of(self.dynamics.n, self.dynamics.has_path)
+
+
+def order_of(n: int, has_path: bool) -> list[int]:
+    """Columns of psi (n,): those that follow by kinematics are the last ones."""
+    path = [*range(n)][PATH_STATES] if has_path else []
+    return [*(i for i in range(n) if i not in path), *path]
+
+
+def constants_of(bundle: Bundle, settings: MpcSettings) -> LawConstants:
+    """The constants of the MPC with this model and these settings.
+
+    Raises:
+        ArtifactError: the encoder is not a network of offline-train.
+        ConfigError: the settings have a cost that the C code does not know.
+    """
+    settings = settings.for_model(bundle)
+    for name, is_known in (
+        ("mpc.corridor-m", settings.corridor_m is None),
+        ("mpc.tolerance.ds-m", bundle.movement is None or np.isinf(settings.tolerance.ds_m)),
+    ):
+        if not is_known:
+            raise ConfigError(
+                f"{name}: expected none with the control law in C, found one. Leave it out, or "
+                f"drive with the law in Python."
+            )
+    limits = (bundle.car or DEFAULT_CAR).limits
+    return LawConstants(
+        period_s=PERIOD_S,
+        encoder=network_of(bundle),
+        dynamics=_dynamics(bundle),
+        problem=_problem(CondensedQp(bundle, settings.horizon, settings.cost(), None, settings.knots)),
+        estimation=EstimationConstants(
+            gain=tuple(estimator.GAIN),
+            offset_gain=tuple(estimator.OFFSET_GAIN),
+            kept=tuple(estimator.KEPT.tolist()),
+            low_pass=tuple(estimator.low_pass(settings.disturbance_gain)),
+            largest=tuple(estimator.LARGEST_DISTURBANCE.tolist()),
+            moved_pedal=estimator.MOVED,
+            brake_n=INPUT_LIMITS.upper.brake_n,
+        ),
+        envelope=EnvelopeConstants(
+            lower=tuple(limits.lower),
+            upper=tuple(limits.upper),
+            change=tuple(rate * PERIOD_S for rate in limits.rate_per_s),
+            released=(RELEASED_THROTTLE, RELEASED_BRAKE_N),
+        ),
+        hold_periods=HOLD_PLAN_TICKS,
+    )
+
+
+def _dynamics(bundle: Bundle) -> DynamicsConstants:
+    step, movement = Step(bundle), bundle.movement
+    n = bundle.n_observables
+    order = order_of(n, movement is not None)
+    S, s0 = step.S, step.s0
+    if movement is not None:
+        S, s0 = np.vstack([S, movement.S]), np.append(s0, movement.s0)
+        del order[-len(movement.S) :]
+    return DynamicsConstants(
+        n=n,
+        m=len(order),
+        gains=step.count,
+        linear=step.first_saturating,
+        A=step.A[np.ix_(order, order)],
+        B=step.B[order, : N_INPUTS + 1],
+        c=step.c[order],
+        N=step.N[order],
+        S=S[:, order],
+        s0=s0,
+        factor=step.factors.astype(np.int32),
+        has_path=movement is not None,
+    )
+
+
+def _problem(qp: CondensedQp) -> ProblemConstants:
+    columns, R = qp.columns, qp.R
+    return ProblemConstants(
+        horizon=qp.knots.horizon,
+        knots=qp.knots.count,
+        stages=np.array(qp.knots.stages, dtype=np.int32),
+        tracked=len(columns),
+        columns=np.array(columns, dtype=np.int32),
+        ey=columns.index(StateColumn.ey_m),
+        vx=columns.index(StateColumn.vx_mps) if StateColumn.vx_mps in columns else -1,
+        has_course=qp.has_course,
+        Q=qp.Q,
+        R=R.diagonal(),  # the changes of an input couple neighbouring knots only
+        R_next=R.diagonal(-N_INPUTS),
+        from_previous=tuple(qp.from_previous.tolist()),
+        lower=tuple(qp.v_min.tolist()),
+        upper=tuple(qp.v_max.tolist()),
+        slew=tuple(qp.slew.tolist()),
+        range=tuple(qp.range.tolist()),
+        pedal_change=pedals.CHANGE_TICKS,
+        change_mps2=pedals.CHANGE_MPS2,
+        released=RELEASED,
+        most_nominal_throttle=MOST_NOMINAL_THROTTLE,
+        slowest_mps=SLOWEST_MPS,
+        max_iterations=MAX_ITERATIONS,
+    )
