@@ -1,0 +1,55 @@
+"""The constants of a control law as C source."""
+
+from typing import Any
+
+import numpy as np
+
+from rt_controller.native.constants import LawConstants
+
+_PER_LINE = 8
+_KINDS = {"f8": "mdk_real", "f4": "float", "i4": "int"}
+
+
+def model_source(constants: LawConstants, name: str) -> str:
+    """A C file that defines `const mdk_model name`."""
+    arrays: list[str] = []
+    value = _initialiser(constants, "model", arrays)
+    return "\n".join(('#include "mdk_internal.h"', "", *arrays, f"const mdk_model {name} = {value};", ""))
+
+
+def _initialiser(value: Any, name: str, arrays: list[str]) -> str:
+    """The value as C initialises it; what is behind a pointer becomes an array in `arrays`."""
+    if value is None:
+        return "NULL"
+    if isinstance(value, np.ndarray):
+        kind = _KINDS[value.dtype.str[1:]]
+        write = _float if kind == "float" else _number
+        numbers = [write(each) for each in value.ravel().tolist()]
+        rows = (", ".join(numbers[i : i + _PER_LINE]) for i in range(0, len(numbers), _PER_LINE))
+        arrays.append(f"static const {kind} {name}[] = {{\n    " + ",\n    ".join(rows) + "};\n")
+        return name
+    if not isinstance(value, tuple):
+        return _number(value)
+    if hasattr(value, "_fields"):
+        named = zip(value._fields, value, strict=True)
+        parts = [f".{field} = {_initialiser(v, f'{name}_{field}', arrays)}" for field, v in named]
+        return "{" + ", ".join(parts) + "}"
+    parts = [_initialiser(each, f"{name}_{i}", arrays) for i, each in enumerate(value)]
+    text = "{" + ", ".join(parts) + "}"
+    if not hasattr(value[0], "_fields"):
+        return text
+    arrays.append(f"static const mdk_layer {name}[] = {text};\n")
+    return name
+
+
+def _float(value: float) -> str:
+    digits = f"{value:.9g}"  # exact
+    return f"{digits}f" if "." in digits or "e" in digits else f"{digits}.0f"
+
+
+def _number(value: bool | int | float) -> str:
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, int):
+        return str(value)
+    return f"R({value!r})" if np.isfinite(value) else "INFINITY"
