@@ -190,8 +190,8 @@ class ControllerConfig(Settings):
     control as MODULE:CLASS or FILE.py:CLASS; default: MPC with the model. The checks use the model
     with every one of them"""
     plan: Literal["python", "native"] = "python"
-    """python: numpy and PIQP; native: the same law in C, as offline-export --target c exports it, and
-    PIQP solves each of its QPs again: the car is stopped if the first inputs differ"""
+    """python: numpy and PIQP; native: the same law in C, as offline-export --target c exports it,
+    and PIQP solves each QP again: the car is stopped where the first inputs differ"""
     mpc: MpcSettings = MpcSettings()
     low_speed: LowSpeedSettings = LowSpeedSettings()
     realtime: RealtimeSettings = RealtimeSettings()

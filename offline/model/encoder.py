@@ -113,8 +113,9 @@ class Encoder(nn.Module):
             return self._function(inputs, factors)
         both = torch.cat([inputs, inputs * self.signs])
         both_factors = torch.cat([factors, factors * self.signs[: self.present]])
-        own, mirrored = self._function(both, both_factors).unflatten(0, (2, -1))
-        return 0.5 * (own + self.latent_signs * mirrored)
+        own, mirrored = torch.unflatten(self._function(both, both_factors), 0, (2, -1))
+        symmetric: Tensor = 0.5 * (own + self.latent_signs * mirrored)
+        return symmetric
 
     def _function(self, inputs: Tensor, factors: Tensor) -> Tensor:
         latents: Tensor = self.layers(inputs)

@@ -227,11 +227,13 @@ class MdkNet(nn.Module):
         history = range(first, first + self.history_steps * sizes.remembered)
         known, signs = self.observables, None
         if self.is_symmetric:
-            of_seen = torch.tensor([
-                *self._signs.states,
-                *self._signs.exogenous * self.reads_exogenous,
-                *self._signs.remembered * self.history_steps,
-            ])
+            of_seen = torch.tensor(
+                [
+                    *self._signs.states,
+                    *self._signs.exogenous * self.reads_exogenous,
+                    *self._signs.remembered * self.history_steps,
+                ]
+            )
             latents = slice(known.states, known.states + known.latents)
             signs = of_seen[[*now, *history]], known.signs[latents]
         return Encoder(
@@ -283,7 +285,7 @@ class MdkNet(nn.Module):
         # Even and odd functions in turn, of each factor.
         signs = torch.ones(q)
         if self.is_symmetric:
-            for factor in columns.unique():
+            for factor in torch.unique(columns):
                 signs[columns == factor] = alternating(int((columns == factor).sum()))
         row_signs = known.signs[:rows, None]
         learned = row_signs == signs * factor_signs[columns]

@@ -81,7 +81,6 @@ def compile_library(
         part.unlink(missing_ok=True)
 
 
-
 def library_name(name: str, sources: Sequence[Path], text: str = "") -> str:
     """File name of a library of these sources, and of a text, for this kind of processor."""
     digest = hashlib.sha256(f"{FLAGS} {text}".encode())

@@ -38,7 +38,6 @@ OFFSET_GAIN = VehicleState(0.0, 0.03, 0.0, 0.0, 0.001, 0.001)
 no constant difference"""
 
 
-
 def low_pass(motion_gain: float) -> VehicleState:
     """Share of what a prediction of each state did not explain that becomes disturbance."""
     return VehicleState(SPEED_GAIN, motion_gain, motion_gain, 0.0, PLACE_GAIN, PLACE_GAIN)

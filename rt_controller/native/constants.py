@@ -13,7 +13,7 @@ from rt_controller.contract.arrays import Array
 from rt_controller.contract.car import DEFAULT_CAR
 from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.limits import INPUT_LIMITS, RELEASED_BRAKE_N, RELEASED_THROTTLE
-from rt_controller.contract.signals import N_INPUTS, N_STATES, PATH_STATES, StateColumn
+from rt_controller.contract.signals import N_INPUTS, PATH_STATES, StateColumn
 from rt_controller.contract.timing import HOLD_PLAN_TICKS, PERIOD_S
 from rt_controller.control import estimator, pedals
 from rt_controller.control.eq14 import RELEASED, SLOWEST_MPS, CondensedQp
@@ -137,7 +137,9 @@ def constants_of(bundle: Bundle, settings: MpcSettings) -> LawConstants:
         period_s=PERIOD_S,
         encoder=network_of(bundle),
         dynamics=_dynamics(bundle),
-        problem=_problem(CondensedQp(bundle, settings.horizon, settings.cost(), None, settings.knots)),
+        problem=_problem(
+            CondensedQp(bundle, settings.horizon, settings.cost(), None, settings.knots)
+        ),
         estimation=EstimationConstants(
             gain=tuple(estimator.GAIN),
             offset_gain=tuple(estimator.OFFSET_GAIN),

@@ -28,9 +28,12 @@ Real = type[ctypes.c_double] | type[ctypes.c_float]
 class NativeLaw:
     """One `mdk_controller` and the functions of `c/mdk.h`; arrays are views of its memory."""
 
-    def __init__(self, constants: LawConstants, library: Path, real: Real = ctypes.c_double) -> None:
+    def __init__(
+        self, constants: LawConstants, library: Path, real: Real = ctypes.c_double
+    ) -> None:
         """`library` is compiled for numbers of the type `real`."""
-        self._library, self._kept = ctypes.CDLL(str(library)), []
+        self._library = ctypes.CDLL(str(library))
+        self._kept: list[Any] = []
         self._situation: Any = _situation(real)
         self._model = to_c(constants, real, self._kept)
         for name, kind in (
@@ -148,7 +151,7 @@ def to_c(value: Any, real: Real, kept: list[Any]) -> Any:
         kept.append(numbers)
         return numbers.ctypes.data_as(ctypes.POINTER(kind))
     if isinstance(value, bool | int | float):
-        kinds = {bool: ctypes.c_bool, int: ctypes.c_int, float: real}
+        kinds: dict[type, Any] = {bool: ctypes.c_bool, int: ctypes.c_int, float: real}
         return kinds[type(value)](value)
     if not hasattr(value, "_fields"):
         if isinstance(value[0], float):
@@ -184,6 +187,6 @@ def _situation(real: Real) -> ctypes.Structure:
 
 def _qp(real: Real) -> Any:
     """The beginning of `mdk_qp`."""
-    arrays = "H L_inverse f v lower upper row_lower row_upper".split()
+    arrays = ["H", "L_inverse", "f", "v", "lower", "upper", "row_lower", "row_upper"]
     fields = [("size", ctypes.c_int), *((name, ctypes.POINTER(real)) for name in arrays)]
     return type("Qp", (ctypes.Structure,), {"_fields_": fields})

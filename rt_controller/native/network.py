@@ -1,6 +1,7 @@
 """The network of an encoder, read from its ONNX file: weights, activation and symmetry."""
 
 from collections.abc import Iterator
+from contextlib import suppress
 from typing import NamedTuple
 
 import numpy as np
@@ -59,8 +60,9 @@ class Network(NamedTuple):
         now = np.hstack([sample.x, sample.w])[:, self.columns]
         seen = np.hstack([now, sample.history.reshape(len(now), -1)])
         latents = self._function(seen)
-        if self.signs is not None:
-            latents = 0.5 * (latents + self.latent_signs * self._function(self.signs * seen))
+        if self.signs is not None and self.latent_signs is not None:
+            mirrored = self._function(self.signs.astype(np.float64) * seen.astype(np.float64))
+            latents = 0.5 * (latents + self.latent_signs * mirrored)
         return np.hstack([sample.x, latents])
 
     def _function(self, seen: Array) -> Array:
@@ -70,7 +72,7 @@ class Network(NamedTuple):
             if k + 1 < len(layers):
                 is_silu = self.activation == 0
                 found = found / (1.0 + np.exp(-found)) if is_silu else np.maximum(found, 0.0)
-        if self.products is not None:
+        if self.products is not None and self.centre is not None and self.spread is not None:
             scaled = (seen[:, : self.present] - self.centre) / self.spread
             first, second = np.triu_indices(self.present)
             found = found + (scaled[:, first] * scaled[:, second]) @ self.products.T
@@ -87,10 +89,8 @@ def network_of(bundle: Bundle) -> Network:
     if bundle.n_observables > N_STATES:
         network = _read(bundle)
     error = np.inf
-    try:
+    with suppress(ValueError):  # other shapes
         error = bundle.parity_error(network.lift(bundle.selftest))
-    except ValueError:
-        pass  # other shapes
     if not error < LARGEST_ERROR:
         raise ArtifactError(
             f"The model {bundle.name!r}: expected an encoder that is a multilayer perceptron as "
@@ -102,7 +102,7 @@ def network_of(bundle: Bundle) -> Network:
 def _read(bundle: Bundle) -> Network:
     graph = next(content for number, content in _fields(bundle.encoder_onnx) if number == _GRAPH)
     weights = _weights(graph)
-    layers = []
+    layers: list[Layer] = []
     while f"layers.{2 * len(layers)}.weight" in weights:
         weight, bias = (weights[f"layers.{2 * len(layers)}.{kind}"] for kind in ("weight", "bias"))
         layers.append(Layer(weight.shape[1], weight.shape[0], weight, bias))

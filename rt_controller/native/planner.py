@@ -12,8 +12,6 @@ from rt_controller.contract.files import user_cache_folder
 from rt_controller.contract.signals import (
     AT_REST,
     N_INPUTS,
-    N_STATES,
-    NEUTRAL_INPUT,
     ControlInput,
     CurvaturePreview,
     PathReference,

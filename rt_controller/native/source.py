@@ -14,7 +14,9 @@ def model_source(constants: LawConstants, name: str) -> str:
     """A C file that defines `const mdk_model name`."""
     arrays: list[str] = []
     value = _initialiser(constants, "model", arrays)
-    return "\n".join(('#include "mdk_internal.h"', "", *arrays, f"const mdk_model {name} = {value};", ""))
+    return "\n".join(
+        ('#include "mdk_internal.h"', "", *arrays, f"const mdk_model {name} = {value};", "")
+    )
 
 
 def _initialiser(value: Any, name: str, arrays: list[str]) -> str:

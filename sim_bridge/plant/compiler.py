@@ -21,6 +21,8 @@ _STRUCTS = {"StateIndex": "State", "PlantOutputs": "Outputs"}
 _ARRAYS = {"Ratios": "[N_GEARS]", "Efficiencies": "[N_GEARS]", "MapTorques": "[N_MAP][N_MAP]"}
 _OF_FILE = {"_FromTyreFile": "TyreFileParameters"}
 _ARRAYS |= {"MapSpeeds": "[N_MAP]", "MapPedals": "[N_MAP]", "PerWheel": "[N_WHEELS]"}
+
+
 def records_header() -> str:
     """`records.h`: the named tuples of a car as structs of doubles, fields in their order.
 

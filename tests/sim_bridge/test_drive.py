@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from rt_controller.contract.arrays import Array
+from rt_controller.contract.compiler import CompileError, find_compiler
 from rt_controller.contract.errors import MissingExtraError
 from rt_controller.contract.signals import GRAVITY_MPS2, ControlInput
 from sim_bridge.plant import compiler, library
-from rt_controller.contract.compiler import CompileError, find_compiler
 from sim_bridge.plant.compiler import compile_car
 from sim_bridge.plant.library import (
     advance,

@@ -40,8 +40,9 @@ def rng(seed: int = 0) -> torch.Generator:
     return torch.Generator().manual_seed(seed)
 
 
-def a_config(windows: str, mirror: bool):
-    changes = {"windows": windows, "mirror": mirror, "noise": 0.0, "history_steps": HISTORY}
+def a_config(windows: str, is_mirrored: bool):
+    symmetry = "trained" if is_mirrored else "none"
+    changes = {"windows": windows, "symmetry": symmetry, "noise": 0.0, "history_steps": HISTORY}
     return PRESETS["recommended"].model_copy(update=changes)
 
 
@@ -187,7 +188,7 @@ def test_half_of_the_trajectories_are_mirrored_each_as_a_whole(toy_dataset, scal
 def test_without_odd_signals_nothing_is_mirrored(toy_dataset, scaling):
     lopsided = replace(VEHICLE_ROLES, odd=None)
     data = replace(toy_dataset, manifest=replace(toy_dataset.manifest, roles=lopsided))
-    opened = open_source(a_config("slices", mirror=True), data, scaling)
+    opened = open_source(a_config("slices", is_mirrored=True), data, scaling)
     plain = SliceSource(toy_dataset, scaling, HISTORY)
     assert equal(opened.draw(64, rng()), plain.draw(64, rng()))
 

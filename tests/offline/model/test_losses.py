@@ -34,7 +34,7 @@ SIZES = sizes_of(VEHICLE, VEHICLE_ROLES)
 def a_config(**changes: object) -> TrainingConfig:
     small = {"hidden": (8, 8), "latents": 6, "history_steps": HISTORY, "bilinear_rank": 2}
     small |= {"drift_rank": 2}
-    return PRESETS["recommended"].model_copy(update={**small, **changes})
+    return PRESETS["recommended"].model_copy(update={"symmetry": "none", **small, **changes})
 
 
 def a_model(config: TrainingConfig) -> MdkNet:

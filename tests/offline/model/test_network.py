@@ -9,7 +9,7 @@ from torch import Tensor
 
 from offline.config import PRESETS, TrainingConfig
 from offline.data.sampling import Instants
-from offline.data.signals import VEHICLE_ROLES, Roles
+from offline.data.signals import VEHICLE_ROLES, Roles, mirror_signs, past_names
 from offline.model.network import FADING_S, MdkNet
 from offline.model.observables import Sizes, sizes_of
 from rt_controller.contract.signals import VEHICLE, Schema, Signal
@@ -171,7 +171,6 @@ def test_training_changes_only_what_is_learned():
     """Entries that are zero by construction have no gradient."""
     model, (now, u, w) = a_car_on_a_road(), drive()
     model.roll_out(model.lift(now), u, w).square().sum().backward()
-    rows = len(model.A_rows)
     for parameter, learned in (
         (model.A_rows, model.A_learned),
         (model.B_rows, model.B_learned),
@@ -181,8 +180,24 @@ def test_training_changes_only_what_is_learned():
         assert parameter.grad is not None
         assert torch.equal(parameter.grad[learned == 0.0], torch.zeros(int((learned == 0).sum())))
         assert (learned == 0.0).any()
-    is_motion = model.observables.is_motion[:rows]
-    assert model.A_rows.grad[is_motion, 0].abs().min() > 0.0
+    assert model.A_rows.grad[model.A_learned[:, 0] == 1.0, 0].abs().min() > 0.0
+
+
+@pytest.mark.parametrize(
+    "changes", [{}, {"saturating_gains": False}, {"separate_motion": False}, {"products": False}]
+)
+@pytest.mark.parametrize("symmetry", ["exact", "trained"])
+def test_a_symmetric_model_predicts_the_mirror_image_of_a_mirrored_drive(changes, symmetry):
+    model, (now, u, w) = a_car_on_a_road(**changes, symmetry=symmetry), drive()
+    names = (VEHICLE.state_names, VEHICLE.input_names, VEHICLE.exogenous_names)
+    x, of_u, of_w, past = (
+        torch.from_numpy(mirror_signs(each, VEHICLE_ROLES)).float()
+        for each in (*names, past_names(VEHICLE, VEHICLE_ROLES))
+    )
+    mirrored = Instants(now.x * x, now.w * of_w, now.past * past)
+    found = x * predicted(model, mirrored, u * of_u, w * of_w)
+    difference = (found - predicted(model, now, u, w)).abs().max()
+    assert (difference < 1e-5) == (symmetry == "exact")
 
 
 def seen_on_the_road(model: MdkNet, now: Instants, u: Tensor, w: Tensor) -> tuple[bool, bool]:

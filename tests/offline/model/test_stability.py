@@ -11,7 +11,7 @@ from torch import Tensor
 from offline.config import PRESETS
 from offline.data.signals import VEHICLE_ROLES
 from offline.model.network import MdkNet
-from offline.model.observables import Sizes, sizes_of
+from offline.model.observables import Signs, Sizes, sizes_of
 from offline.model.stability import (
     DRAWN,
     all_corners,
@@ -32,7 +32,8 @@ WIDE = torch.tensor([[0.0, 0.0, -2.0, -1.5], [3.0, 2.5, 2.0, 1.5]])
 
 def a_model(sizes: Sizes = SIZES, signal_range: Tensor | None = WIDE, **changes: object) -> MdkNet:
     torch.manual_seed(1)
-    config = PRESETS["recommended"].model_copy(update={**SMALL, **RANKS, **changes})
+    any_entries = {"symmetry": "none", **SMALL, **RANKS}
+    config = PRESETS["recommended"].model_copy(update={**any_entries, **changes})
     return MdkNet(config, sizes, signal_range).eval()
 
 
@@ -173,7 +174,14 @@ def test_every_penalty_has_a_finite_gradient(stability: str) -> None:
     assert model.A_rows.grad.abs().max() > 0.0
 
 
-TINY = Sizes(states=3, inputs=2, exogenous=1, remembered=0, dt_s=0.1)
+TINY = Sizes(
+    states=3,
+    inputs=2,
+    exogenous=1,
+    remembered=0,
+    dt_s=0.1,
+    signs=Signs((1.0,) * 3, (1.0,) * 2, (1.0,), ()),
+)
 TINY_LAYERS = {
     "hidden": (4,),
     "latents": 2,

@@ -45,7 +45,7 @@ def test_a_setting_out_of_range_is_refused(name, value):
 @pytest.mark.parametrize("name", ["paper", "paper-literal"])
 def test_the_presets_of_the_paper_use_no_extension(name):
     config = PRESETS[name]
-    assert (config.windows, config.mirror, config.objective) == ("slices", False, "paper")
+    assert (config.windows, config.symmetry, config.objective) == ("slices", "none", "paper")
     assert (config.lift_exogenous, config.history_steps, config.bilinear_rank) == (False, 0, 0)
     assert (config.rate_schedule, config.activation) == ("plateau", "relu")
     assert config.latents_start == "identity"
@@ -117,7 +117,7 @@ def without_operator_rate(raw):
         ("config.json", lambda raw: b"{", "offline-train"),
         ("config.json", lambda raw: b'{"config": {"steps": -1}}', "offline-train"),
         ("config.json", without_operator_rate, r"config without operator_rate.*train again"),
-        ("config.json", lambda raw: raw.replace(b'"mirror"', b'"mirorr"'), r"config\.mirorr"),
+        ("config.json", lambda raw: raw.replace(b'"symmetry"', b'"simmetry"'), r"config\.simmetry"),
         ("last.pt", None, "expected a checkpoint"),
         ("last.pt", lambda raw: raw[:0], "expected a checkpoint"),
         ("last.pt", lambda raw: raw[:1000], "expected a checkpoint"),
