@@ -192,8 +192,11 @@ class WarmStartedSolver:
         status = self._solver.solve()
         self.iterations += self._solver.iterations
         if status is SolveStatus.SOLVED:
-            self.solution[:] = self._solver.solution
             self._active_set.start_from(*self._solver.active_bounds())
+            # PIQP ends within its tolerance; the active set that it found gives the exact solution.
+            exact = self._active_set.solve(MAX_ROUNDS)
+            self.solution[:] = self._solver.solution if exact is None else exact
+            self.iterations += self._active_set.rounds
         return status
 
 

@@ -2,6 +2,8 @@
 
 import time
 from collections.abc import Sequence
+from ctypes import c_double, c_float
+from functools import partial
 
 import numpy as np
 
@@ -23,25 +25,29 @@ from rt_controller.control.program import QuadraticProgram, SolveStatus
 from rt_controller.model.bundle import Bundle
 from rt_controller.model.roll_outs import DrivenStep
 from rt_controller.model.validation import require_drivable
-from rt_controller.native.compiler import BUILT, compile_law, law_library_name
+from rt_controller.native.compiler import BUILT, FLOAT, compile_law, law_library_name
 from rt_controller.native.constants import constants_of
-from rt_controller.native.library import NativeLaw
+from rt_controller.native.library import NativeLaw, Real
 
 LARGEST_DIFFERENCE = 1e-3
 """of the first input from that of PIQP, in units of its range: ten times the error of PIQP"""
 
 
-def open_law(bundle: Bundle, settings: MpcSettings) -> NativeLaw:
-    """The law of a model and settings, compiled for this machine.
+def open_law(bundle: Bundle, settings: MpcSettings, real: Real = c_double) -> NativeLaw:
+    """The law of a model and settings, compiled for this machine, with numbers of that type.
 
     Raises:
         ArtifactError, ConfigError: as `constants_of`.
         MissingExtraError: it is not compiled, and this machine cannot compile it.
     """
+    require_drivable(bundle)
     cache = user_cache_folder()
     folders = [BUILT, *([cache / "law"] if cache else [])]
-    library = built_library("control law in C", law_library_name(), folders, compile_law)
-    return NativeLaw(constants_of(bundle, settings), library)
+    options = FLOAT if real is c_float else ()
+    library = built_library(
+        "control law in C", law_library_name(options), folders, partial(compile_law, options=options)
+    )
+    return NativeLaw(constants_of(bundle, settings), library, real)
 
 
 class NativeObserver:
@@ -79,10 +85,9 @@ class NativePlanner:
     from then on no plan is made.
     """
 
-    def __init__(self, bundle: Bundle, settings: MpcSettings) -> None:
-        """As `open_law`."""
-        require_drivable(bundle)
-        self._bundle, self._law = bundle, open_law(bundle, settings)
+    def __init__(self, bundle: Bundle, law: NativeLaw) -> None:
+        """`law` of this bundle, as of `open_law`."""
+        self._bundle, self._law = bundle, law
         self.name = f"{bundle.name} {bundle.sha256[:8]}, in C"
         self.observer = NativeObserver(self._law, self._law.constants.order)
         self.inputs = self._law.inputs
@@ -128,7 +133,7 @@ class NativePlanner:
 
     def _differs_from_piqp(self) -> bool:
         qp, program = self._law.qp, self._program
-        L = np.tril(qp["H"])
+        L = np.tril(qp["H"]).astype(np.float64)
         np.dot(L, L.T, out=program.P)
         self._copy_vectors()
         if not (self._piqp.update_matrices() and self._piqp.solve() is SolveStatus.SOLVED):
