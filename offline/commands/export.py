@@ -1,10 +1,13 @@
 """`offline-export`: check a model, compare it with baselines, write the bundle."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
+from math import inf
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+from cyclopts import Parameter, validators
 
 from offline.commands.options import LATEST_RUN, RUNS, JsonFile, require_ready
 from offline.commands.terminal import STDERR, STDOUT, print_plain, quoted
@@ -20,8 +23,17 @@ if TYPE_CHECKING:
     from rt_controller.model.bundle import Bundle
     from rt_controller.report.table import Fact
 
-app = new_app("offline-export", "Make the bundle that rt-controller drives with.", "[RUN]")
+app = new_app(
+    "offline-export",
+    "Make the bundle that rt-controller drives with, or its control law for another computer.",
+    "[RUN]",
+    {
+        "Main options": "run output name baseline data bundle model-trial json target",
+        "Control law for another computer": "model config precision rom-kb ram-kb",
+    },
+)
 main = partial(run_command, app)
+_Size = Annotated[float, Parameter(validator=validators.Number(gt=0))]
 
 
 @app.default
@@ -33,24 +45,60 @@ def export(
     baseline: str | None = None,
     data: Path | None = None,
     bundle: Path | None = None,
-    model_trial: Literal["auto", "off"] = "auto",
+    model_trial: Literal["auto", "off"] | None = None,
+    target: Literal["bundle", "c"] = "bundle",
+    model: Path | None = None,
+    config: Path | None = None,
+    precision: Literal["float", "double"] | None = None,
+    rom_kb: _Size | None = None,
+    ram_kb: _Size | None = None,
     json_file: JsonFile = None,
 ) -> None:
     """Export the best model of a run, or a baseline, or an existing bundle in the present format.
 
+    With --target another form of an existing bundle.
+
     Args:
         run: folder of the run
-        output: folder of the bundle; default: bundle in the run, runs/BASELINE, or --bundle
+        output: folder to write; default: bundle in the run, runs/BASELINE, or --bundle; for the C
+            code runs/MODEL-c
         name: of the model in summaries and tables; default: mdk-net, or the baseline's
         baseline: export this baseline of the data set instead, for instance lti or
             edmd-bilinear; docs/baselines.md lists them
         data: folder of the data set; default: the one the run was trained on
         bundle: store plans in this bundle, a folder or a shipped name; needs neither run nor data
         model_trial: auto: drive the simulated car with a model of it for eleven simulated seconds,
-            and refuse one that does not hold or predict it; off: export any model
+            and refuse one that does not hold or predict it; off: export any model; default: auto
+        target: bundle, or c: a folder with the control law of --model in C99
+        model: of the control law, a shipped name or the folder of a bundle; default: mdk-net
+        config: file with settings of rt-controller, of which the law has those of mpc
+        precision: numbers of the C code, float or double; default: float
+        rom_kb: memory of the target for constants and code, in kB of 1024 bytes
+        ram_kb: memory of the target for a controller, without its stack
     """
-    is_tried = model_trial == "auto"
+    of_law = {
+        "--model": model,
+        "--config": config,
+        "--precision": precision,
+        "--rom-kb": rom_kb,
+        "--ram-kb": ram_kb,
+    }
+    of_bundle = {
+        "RUN": None if run == LATEST_RUN else run,
+        "--name": name,
+        "--baseline": baseline,
+        "--data": data,
+        "--bundle": bundle,
+        "--model-trial": model_trial,
+    }
+    _require_none(of_law if target == "bundle" else of_bundle, target)
     require_folder(output, "--output")
+    if target == "c":
+        require_writable(json_file)
+        figures = export_law(model, config, output, precision or "float", rom_kb, ram_kb)
+        write_figures(json_file, figures)
+        return
+    is_tried = model_trial != "off"
     if bundle is not None:
         if baseline is not None or data is not None or run != LATEST_RUN:
             raise ConfigError(
@@ -63,11 +111,46 @@ def export(
         require_ready(json_file)
         _require_own_name(name)
         if baseline is not None:
-            target = output or RUNS / baseline
-            figures = export_baseline(baseline, data, target, run, is_tried, name)
+            folder = output or RUNS / baseline
+            figures = export_baseline(baseline, data, folder, run, is_tried, name)
         else:
             figures = export_run(run, output, data, is_tried, name)
     write_figures(json_file, figures)
+
+
+def _require_none(others: Mapping[str, object], target: str) -> None:
+    """Raise if an option is given that belongs to other targets."""
+    given = [option for option, value in others.items() if value is not None]
+    if given:
+        raise ConfigError(
+            f"--target {target}: expected none of {', '.join(others)} beside it, found "
+            f"{given[0]}. Leave it out, or choose another --target."
+        )
+
+
+def export_law(
+    model: Path | None,
+    config: Path | None,
+    output: Path | None,
+    precision: Literal["float", "double"],
+    rom_kb: float | None,
+    ram_kb: float | None,
+) -> dict[str, Any]:
+    """Figures of the control law of a bundle, after it was written in C."""
+    from offline.targets.c_source import Limits, export_c
+    from rt_controller.model.artifact import find_model, load_bundle
+    from rt_controller.terminal.options import read_controller_config
+
+    settings = read_controller_config(config)
+    bundle = load_bundle(find_model(model or settings.model))
+    limits = Limits(rom_kb or inf, ram_kb or inf)
+    target = output or RUNS / f"{bundle.name}-c"
+    with STDERR.status("driving with the model, for test vectors"):
+        figures, lines = export_c(bundle, settings, target, precision, limits)
+    is_tested = figures["test"] is not None
+    missing = "" if is_tested else ", which needs a C compiler, make and size: none is here"
+    print_plain("\n".join([*lines, f"Test it again{missing}:\n  make -C {quoted(target)} test"]))
+    return figures
 
 
 def _require_own_name(name: str | None) -> None:

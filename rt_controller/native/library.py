@@ -43,8 +43,9 @@ class NativeLaw:
             ("mdk_last_qp", ctypes.POINTER(_qp(real))),
         ):
             getattr(self._library, name).restype = kind
-        numbers = self._library.mdk_memory(ctypes.byref(self._model))
-        self._memory = (real * numbers)()
+        self.memory_numbers: int = self._library.mdk_memory(ctypes.byref(self._model))
+        """as `mdk_memory`"""
+        self._memory = (real * self.memory_numbers)()
         self._self = ctypes.create_string_buffer(self._library.mdk_size())
         self._call("mdk_init", ctypes.byref(self._model), self._memory)
         self._vectors = [(real * N_STATES)(), (real * N_INPUTS)(), (real * N_STATES)()]

@@ -139,6 +139,18 @@ def read_config_file(path: Path) -> Dict:
     return source
 
 
+def read_controller_config(path: Path | None) -> ControllerConfig:
+    """The settings of a TOML file; None: the defaults.
+
+    Raises:
+        ConfigError: as `read_config_file`.
+    """
+    if path is None:
+        return ControllerConfig()
+    settings = _with_underscores(read_config_file(path).config)
+    return RunOptions.model_validate({"bus": VIRTUAL, **settings})
+
+
 def _with_underscores(table: Any) -> Any:
     """The table with its keys as in Python: a file may write ey-m for ey_m, as options do."""
     if not isinstance(table, dict):

@@ -7,10 +7,22 @@
 #error "compile without -ffast-math: the code tests for NaN, and is compared with the Python controller"
 #endif
 
+#include <math.h>
 #include <string.h>
-#include <tgmath.h> /* sin(x) is sinf(x) of a float */
 
 #include "mdk.h"
+
+#ifdef MDK_FLOAT /* as <tgmath.h>, which needs complex numbers that some libraries do not have */
+#define atan(x) atanf(x)
+#define atan2(y, x) atan2f(y, x)
+#define ceil(x) ceilf(x)
+#define cos(x) cosf(x)
+#define exp(x) expf(x)
+#define fabs(x) fabsf(x)
+#define sin(x) sinf(x)
+#define sqrt(x) sqrtf(x)
+#define tanh(x) tanhf(x)
+#endif
 
 #define R(number) ((mdk_real)(number))
 

@@ -170,21 +170,26 @@ static bool find_inputs(mdk_qp *qp) {
     return is_finite;
 }
 
-/* Number of the constraint that v violates most, beyond the tolerance; -1: none. */
+static bool is_active(const mdk_qp *qp, int number) {
+    int i = 0;
+    while (i < qp->count && (int)qp->active[i] != number) {
+        i++;
+    }
+    return i < qp->count;
+}
+
+/* Number of the constraint that v violates most, beyond the tolerance; -1: none. An active one is
+ * violated by rounding only: if its bounds are equal, adding the other one would make it dependent. */
 static int most_violated(const mdk_qp *qp, mdk_real *sign) {
     int found = -1;
     mdk_real most = VIOLATION;
     for (int number = 0; number < 2 * qp->size; number++) {
         mdk_real low, high;
         const mdk_real value = value_of(qp, number, &low, &high);
-        if (value - high > most) {
-            most = value - high;
-            *sign = R(1);
-            found = number;
-        }
-        if (low - value > most) {
-            most = low - value;
-            *sign = R(-1);
+        const mdk_real violation = larger(value - high, low - value);
+        if (violation > most && !(low <= high && is_active(qp, number))) {
+            most = violation;
+            *sign = value > high ? R(1) : R(-1);
             found = number;
         }
     }

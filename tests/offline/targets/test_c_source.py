@@ -1,0 +1,172 @@
+"""`offline-export --target c`: the folder compiles and plans as Python does; refusals."""
+
+import json
+import shutil
+import subprocess
+import sys
+
+import pytest
+
+from offline.commands import export
+from offline.targets import recorded_drives
+
+STRICT = "-O1 -Wconversion -pedantic -Werror"
+BOTH_ENTRIES = """
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include "mdk_arrays.h"
+#include "mdk_model.h"
+#include "recorded_drives.h"
+
+static mdk_controller controller;
+static mdk_real memory[MDK_MEMORY];
+
+static void take(int n, const double *from, mdk_real *to) {
+    for (int i = 0; i < n; i++) to[i] = (mdk_real)from[i];
+}
+
+int main(void) {
+    void *states[2] = {malloc(mdk_arrays_size()), malloc(mdk_arrays_size())};
+    int differences = 0;
+    for (int t = 0; t < RECORDED_PERIODS; t++) {
+        const double *in = RECORDED_IN[t];
+        double out[2][MDK_OUT_SIZE];
+        mdk_situation now;
+        mdk_real command[3];
+        take(6, in + MDK_IN_VX, now.state);
+        take(1, in + MDK_IN_CURVATURE, &now.curvature_per_m);
+        take(6, in + MDK_IN_PATH_C0, now.path);
+        take(6, in + MDK_IN_SPACING, now.preview);
+        now.has_preview = true;
+        take(3, in + MDK_IN_APPLIED_THROTTLE, now.applied);
+        take(3, in + MDK_IN_PREVIOUS_THROTTLE, now.previous);
+        now.n_under_way = (int)in[MDK_IN_N_UNDER_WAY];
+        take(48, in + MDK_IN_UNDER_WAY, now.under_way[0]);
+        if (in[MDK_IN_RESTART] > 0.0) {
+            mdk_init(&controller, &MDK_MODEL, memory);
+            mdk_reset(&controller, now.previous);
+            for (int i = 0; i < 2; i++) mdk_arrays_start(states[i]);
+        }
+        const int status = (int)mdk_step(&controller, &now, command);
+        for (int i = 0; i < 2; i++) {
+            differences += mdk_arrays_step(states[i], in, out[i]) != status;
+            for (int j = 0; j < 3; j++) differences += out[i][j] != (double)command[j];
+        }
+    }
+    printf("%d %d", RECORDED_PERIODS, differences);
+    return 0;
+}
+"""
+"""steps two states of mdk_arrays.h and a controller of mdk.h side by side"""
+
+
+@pytest.fixture
+def offline_export(monkeypatch, capsys, tmp_path):
+    """Runs the command, which must end with the exit code; returns what it printed."""
+    monkeypatch.chdir(tmp_path)
+
+    def run(*arguments, code=0):
+        monkeypatch.setattr(sys, "argv", ["offline-export", *map(str, arguments)])
+        with pytest.raises(SystemExit) as exit_info:
+            export.main()
+        printed = capsys.readouterr()
+        assert exit_info.value.code == code, printed.err
+        return " ".join((printed.err if code else printed.out).split())
+
+    return run
+
+
+@pytest.fixture
+def short_drives(monkeypatch):
+    monkeypatch.setattr(recorded_drives, "SCENARIOS", (("lane_change_60", 40, 90),))
+
+
+def make(folder, *arguments):
+    """Figures that `make` printed."""
+    done = subprocess.run(
+        ["make", "-C", folder, "-s", *arguments], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    return dict(line.split() for line in done.stdout.splitlines() if len(line.split()) == 2)
+
+
+def test_the_shipped_model_in_c_drives_as_python_in_float_and_double(offline_export, tmp_path):
+    printed = offline_export("--target", "c", "--output", "law", "--json", "law.json")
+    figures = json.loads((tmp_path / "law.json").read_text())
+    assert figures["precision"] == "float"
+    assert figures["test"]["periods"] >= 300
+    assert figures["test"]["failed"] == 0
+    assert f"stack: {figures['test']['stack_bytes']:.0f} bytes" in printed
+    for each in figures["sizes"]:
+        assert 100_000 < each["constants_bytes"] < 300_000
+        assert (
+            figures["memory_numbers"] * 4 < each["ram_bytes"] < figures["memory_numbers"] * 4 + 1024
+        )
+    for real, largest in (("float", 1e-3), ("double", 1e-5)):
+        found = make("law", "test", f"REAL={real}", f"CFLAGS={STRICT}")
+        assert float(found["plan_difference"]) <= largest
+        assert int(found["periods"]) == figures["test"]["periods"]
+
+
+def test_arrays_and_structs_give_the_same_commands(offline_export, short_drives, tmp_path):
+    offline_export("--target", "c", "--model", "lti", "--precision", "double", "--output", "law")
+    law = tmp_path / "law"
+    (law / "both.c").write_text(BOTH_ENTRIES)
+    make(law, "REAL=double")
+    compiler = next(filter(None, map(shutil.which, ("cc", "gcc", "clang"))))
+    built = ["both.c", "build/double/libmdk.a", "-lm", "-o", "both"]
+    subprocess.run([compiler, "-std=c99", *built], cwd=law, check=True)
+    found = subprocess.run([law / "both"], capture_output=True, text=True, check=True).stdout
+    periods, differences = map(int, found.split())
+    assert periods == 90
+    assert differences == 0
+
+
+def test_a_wrong_constant_fails_the_test_of_the_folder(offline_export, short_drives, tmp_path):
+    offline_export("--target", "c", "--model", "lti", "--output", "law")
+    model = tmp_path / "law" / "mdk_model.c"
+    text, name = model.read_text(), "model_dynamics_B[] = {\n    R("
+    assert name in text
+    model.write_text(text.replace(name, f"{name}0.01 + "))
+    done = subprocess.run(["make", "-C", "law", "-s", "test"], capture_output=True, check=False)
+    assert done.returncode != 0
+
+
+def test_without_a_compiler_the_source_is_written_and_not_tested(
+    offline_export, short_drives, monkeypatch, tmp_path
+):
+    monkeypatch.setenv("CC", "no-such-compiler")
+    printed = offline_export("--target", "c", "--model", "lti", "--output", "law", "--json", "j")
+    assert "needs a C compiler" in printed
+    assert "make -C law test" in printed
+    assert json.loads((tmp_path / "j").read_text())["test"] is None
+    monkeypatch.delenv("CC")
+    assert int(make("law", "test")["failed"]) == 0
+    monkeypatch.setenv("CC", "no-such-compiler")
+    limited = ("--target", "c", "--model", "lti", "--output", "other", "--rom-kb", 100)
+    assert "--rom-kb" in offline_export(*limited, code=2)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "named"),
+    [
+        ("c --baseline lti", "--target c: expected none of"),
+        ("c runs/other", "found RUN"),
+        ("c --model-trial off", "found --model-trial"),
+        ("bundle --precision float", "--target bundle: expected none of"),
+        ("c --model lti --rom-kb 12", "--rom-kb 12: expected a model that needs no more"),
+        ("c --model lti --ram-kb 60", "--ram-kb 60: expected a model that needs no more"),
+        ("c --rom-kb -1", "--rom-kb"),
+        ("c --config corridor.toml", "mpc.corridor-m"),
+        ("c --config none.toml", "--config none.toml"),
+        ("c --output corridor.toml", "--output corridor.toml: expected a folder"),
+        ("c --model no-model", "no-model"),
+    ],
+)
+def test_refused_options_are_named_and_nothing_is_written(
+    offline_export, tmp_path, arguments, named
+):
+    (tmp_path / "corridor.toml").write_text("[mpc]\ncorridor-m = 1.0\n")
+    assert named in offline_export("--target", *arguments.split(), code=2)
+    assert [file.name for file in tmp_path.iterdir()] == ["corridor.toml"]
