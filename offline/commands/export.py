@@ -34,6 +34,8 @@ def export(
     data: Path | None = None,
     bundle: Path | None = None,
     model_trial: Literal["auto", "off"] = "auto",
+    target: Literal["bundle", "fmu"] = "bundle",
+    model: Path | None = None,
     json_file: JsonFile = None,
 ) -> None:
     """Export the best model of a run, or a baseline, or an existing bundle in the present format.
@@ -48,7 +50,13 @@ def export(
         bundle: store plans in this bundle, a folder or a shipped name; needs neither run nor data
         model_trial: auto: drive the simulated car with a model of it for eleven simulated seconds,
             and refuse one that does not hold or predict it; off: export any model
+        target: fmu: write the controller with --model as an FMU for co-simulation to the file
+            --output; docs/embedded.md
+        model: a bundle, a folder or a shipped name, for --target fmu; default: mdk-net
     """
+    if target == "fmu":
+        write_figures(json_file, export_fmu(output or Path("controller.fmu"), model))
+        return
     is_tried = model_trial == "auto"
     require_folder(output, "--output")
     if bundle is not None:
@@ -63,11 +71,27 @@ def export(
         require_ready(json_file)
         _require_own_name(name)
         if baseline is not None:
-            target = output or RUNS / baseline
-            figures = export_baseline(baseline, data, target, run, is_tried, name)
+            folder = output or RUNS / baseline
+            figures = export_baseline(baseline, data, folder, run, is_tried, name)
         else:
             figures = export_run(run, output, data, is_tried, name)
     write_figures(json_file, figures)
+
+
+def export_fmu(output: Path, model: Path | None) -> dict[str, Any]:
+    """Figures of an FMU of the controller with that bundle or shipped model, after it was written.
+
+    Raises:
+        As `write_fmu`.
+    """
+    from offline.targets.fmu import write_fmu
+    from rt_controller.config import MpcSettings
+    from rt_controller.model.bundle import Bundle
+
+    bundle = Bundle.load(model or "mdk-net")
+    write_fmu(output, bundle, MpcSettings())
+    print_plain(f"{output}: FMU of the controller with the model {bundle.name}")
+    return {"fmu": str(output), "model": bundle.name, "model_sha256": bundle.sha256}
 
 
 def _require_own_name(name: str | None) -> None:

@@ -4,7 +4,7 @@ import hashlib
 import platform
 import tempfile
 import zipfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import NamedTuple
 from xml.etree import ElementTree as Xml
@@ -153,13 +153,15 @@ def _compiled(sources: Mapping[str, str]) -> bytes:
         return library.read_bytes()
 
 
-def _model_description(bundle: Bundle, guid: str, sources: Sequence[str] | Mapping[str, str]) -> bytes:
+def _model_description(
+    bundle: Bundle, guid: str, sources: Sequence[str] | Mapping[str, str]
+) -> bytes:
     """modelDescription.xml; `guid` is what the library compares at instantiation."""
     head = {
         "fmiVersion": "2.0",
         "modelName": f"{bundle.name} controller",
         "guid": guid,
-        "description": f"Koopman MPC of a car with the model {bundle.name}, SHA-256 {bundle.sha256}",
+        "description": f"Koopman MPC of a car, model {bundle.name}, SHA-256 {bundle.sha256}",
         "license": "Apache-2.0",
         "generationTool": "rt-controller, offline-export --target fmu",
         "variableNamingConvention": "structured",
