@@ -4,6 +4,7 @@ pip install -e ".[fmu]" && python examples/controller_fmu.py
 """
 
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import fmpy
 from fmpy.simulation import instantiate_fmu
@@ -16,8 +17,9 @@ from rt_controller.config import MpcSettings
 class FmuLaw:
     def __init__(self, file: Path) -> None:
         description = fmpy.read_model_description(str(file))
-        folder = fmpy.extract(str(file), str(file.with_suffix("")))
-        self.fmu = instantiate_fmu(folder, description, "CoSimulation")
+        self.folder = TemporaryDirectory()
+        fmpy.extract(str(file), self.folder.name)
+        self.fmu = instantiate_fmu(self.folder.name, description, "CoSimulation")
         self.place = {each.name: each.valueReference for each in description.modelVariables}
 
     def reset(self) -> None:

@@ -10,7 +10,7 @@ from typing import NamedTuple
 from xml.etree import ElementTree as Xml
 
 from rt_controller.config import MpcSettings
-from rt_controller.contract.compiler import CompileError, compile_library, find_compiler
+from rt_controller.contract.compiler import CompileError, compile_library
 from rt_controller.contract.errors import ConfigError, MissingExtraError
 from rt_controller.contract.files import atomic_write
 from rt_controller.contract.signals import VEHICLE, CurvaturePreview, PathReference
@@ -101,10 +101,9 @@ def write_fmu(file: Path, bundle: Bundle, settings: MpcSettings) -> None:
     """Write the FMU of a model and the settings of its control law.
 
     Raises:
-        MissingExtraError: there is no C compiler.
-        ArtifactError: the encoder of the model is not a network of offline-train.
-        ConfigError: the name does not end in .fmu, the settings are not known in C, the compiler
-            fails, or the file cannot be written.
+        MissingExtraError: this machine cannot compile it.
+        ArtifactError, ConfigError: as `constants_of`.
+        ConfigError: the name does not end in .fmu, or the file cannot be written.
     """
     if file.suffix != ".fmu":
         raise ConfigError(
@@ -138,10 +137,6 @@ def write_fmu(file: Path, bundle: Bundle, settings: MpcSettings) -> None:
 
 
 def _compiled(sources: Mapping[str, str]) -> bytes:
-    try:
-        find_compiler()
-    except CompileError as error:
-        raise MissingExtraError(f"An FMU: {error}.") from error
     with tempfile.TemporaryDirectory(prefix="fmu-") as place:
         folder, library = Path(place), Path(place) / "library.so"
         for name, text in sources.items():
@@ -149,13 +144,11 @@ def _compiled(sources: Mapping[str, str]) -> bytes:
         try:
             compile_library(sorted(folder.glob("*.c")), library, folder, _OPTIONS)
         except CompileError as error:
-            raise ConfigError(str(error)) from error
+            raise MissingExtraError(f"The FMU is not compiled: {error}.") from error
         return library.read_bytes()
 
 
-def _model_description(
-    bundle: Bundle, guid: str, sources: Sequence[str] | Mapping[str, str]
-) -> bytes:
+def _model_description(bundle: Bundle, guid: str, sources: Iterable[str]) -> bytes:
     """modelDescription.xml; `guid` is what the library compares at instantiation."""
     head = {
         "fmiVersion": "2.0",
