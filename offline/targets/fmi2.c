@@ -32,7 +32,8 @@ enum {
     FIRST_COMMAND = FIRST_START + MDK_INPUTS,
     DELAY = FIRST_COMMAND + MDK_INPUTS,
     STATUS,
-    ITERATIONS
+    ITERATIONS,
+    N_VARIABLES
 };
 static const double STEP_TOLERANCE = 1e-6; /* of a period */
 
@@ -52,10 +53,10 @@ typedef struct {
 
 typedef struct {
     Phase phase;
-    mdk_situation now; /* begins with the input variables, in the order of the model description */
-    mdk_real start[MDK_INPUTS];
+    mdk_real reals[DELAY]; /* inputs as `mdk_situation` begins with them, start values, command */
+    int integers[N_VARIABLES - DELAY];
+    mdk_situation now;
     mdk_real sent[NEWEST + 1][MDK_INPUTS]; /* oldest first */
-    int delay_periods, status, iterations;
     mdk_controller law;
     mdk_real *memory; /* of `law` */
     Logger logger;
@@ -72,33 +73,26 @@ static Status refuse(const Instance *instance, const char *call, const char *rea
     return ERROR;
 }
 
-/* All that was sent is the start value. */
-static void fill_sent(Instance *instance) {
-    for (int i = 0; i <= NEWEST; i++) {
-        memcpy(instance->sent[i], instance->start, sizeof instance->start);
-    }
-}
-
 static void reset(Instance *instance) {
     instance->phase = INSTANTIATED;
-    memset(&instance->now, 0, sizeof instance->now);
-    memset(instance->start, 0, sizeof instance->start);
-    fill_sent(instance);
-    instance->delay_periods = instance->status = instance->iterations = 0;
+    memset(instance->reals, 0, sizeof instance->reals);
+    memset(instance->integers, 0, sizeof instance->integers);
     mdk_init(&instance->law, &MDK_MODEL, instance->memory);
 }
 
 static void one_period(Instance *instance) {
     mdk_situation *now = &instance->now;
-    const int n = instance->delay_periods;
+    const int n = instance->integers[0];
+    memcpy(now, instance->reals, FIRST_START * sizeof(mdk_real));
     now->has_preview = !(now->preview[MDK_SPACING] <= 0);
     now->n_under_way = n;
     memcpy(now->applied, instance->sent[NEWEST - n], sizeof now->applied);
     memcpy(now->previous, instance->sent[NEWEST], sizeof now->previous);
     memcpy(now->under_way, instance->sent + NEWEST + 1 - n, (size_t)n * sizeof instance->sent[0]);
     memmove(instance->sent, instance->sent + 1, sizeof instance->sent - sizeof instance->sent[0]);
-    instance->status = (int)mdk_step(&instance->law, now, instance->sent[NEWEST]);
-    instance->iterations = mdk_iterations(&instance->law);
+    instance->integers[STATUS - DELAY] = mdk_step(&instance->law, now, instance->sent[NEWEST]);
+    instance->integers[ITERATIONS - DELAY] = mdk_iterations(&instance->law);
+    memcpy(instance->reals + FIRST_COMMAND, instance->sent[NEWEST], sizeof instance->sent[0]);
 }
 
 EXPORT const char *fmi2GetTypesPlatform(void) { return "default"; }
@@ -158,7 +152,11 @@ EXPORT Status fmi2EnterInitializationMode(void *component) {
 
 EXPORT Status fmi2ExitInitializationMode(void *component) {
     Instance *instance = component;
-    mdk_reset(&instance->law, instance->start);
+    const mdk_real *start = instance->reals + FIRST_START;
+    mdk_reset(&instance->law, start);
+    for (int i = 0; i <= NEWEST; i++) {
+        memcpy(instance->sent[i], start, sizeof instance->sent[i]);
+    }
     return change_phase(instance, INITIALISING, STEPPING, "expected one that is initialising.");
 }
 
@@ -174,14 +172,10 @@ EXPORT Status fmi2Reset(void *component) {
 EXPORT Status fmi2GetReal(void *component, const unsigned *references, size_t n, double *values) {
     const Instance *instance = component;
     for (size_t i = 0; i < n; i++) {
-        const unsigned place = references[i];
-        if (place >= DELAY) {
+        if (references[i] >= DELAY) {
             return refuse(instance, "fmi2GetReal", NOT_LISTED);
         }
-        const mdk_real *found = place < FIRST_START     ? (const mdk_real *)&instance->now + place
-                                : place < FIRST_COMMAND ? instance->start + (place - FIRST_START)
-                                                        : instance->sent[NEWEST] + (place - FIRST_COMMAND);
-        values[i] = (double)*found;
+        values[i] = (double)instance->reals[references[i]];
     }
     return OK;
 }
@@ -192,33 +186,32 @@ EXPORT Status fmi2SetReal(void *component, const unsigned *references, size_t n,
     Instance *instance = component;
     const mdk_envelope *bounds = &MDK_MODEL.envelope;
     for (size_t i = 0; i < n; i++) {
-        const unsigned place = references[i], start = place - FIRST_START;
+        const unsigned place = references[i];
         const mdk_real value = (mdk_real)values[i];
         if (place >= FIRST_COMMAND) {
             return refuse(instance, "fmi2SetReal", NOT_LISTED);
         }
-        if (place < FIRST_START) {
-            ((mdk_real *)&instance->now)[place] = value;
-        } else if (instance->phase > INITIALISING) {
-            return refuse(instance, "start", "expected it before the end of the initialisation.");
-        } else if (!(value >= bounds->lower[start] && value <= bounds->upper[start])) {
-            return refuse(instance, "start", "expected a value within the bounds of the input.");
-        } else {
-            instance->start[start] = value;
-            fill_sent(instance);
+        if (place >= FIRST_START) {
+            const unsigned input = place - FIRST_START;
+            if (instance->phase > INITIALISING ||
+                !(value >= bounds->lower[input] && value <= bounds->upper[input])) {
+                return refuse(instance, "start", "expected a value within the bounds of the input, "
+                                                 "before the end of the initialisation.");
+            }
+            instance->reals[FIRST_COMMAND + input] = value;
         }
+        instance->reals[place] = value;
     }
     return OK;
 }
 
 EXPORT Status fmi2GetInteger(void *component, const unsigned *references, size_t n, int *values) {
     const Instance *instance = component;
-    const int numbers[] = {instance->delay_periods, instance->status, instance->iterations};
     for (size_t i = 0; i < n; i++) {
-        if (references[i] < DELAY || references[i] > ITERATIONS) {
+        if (references[i] < DELAY || references[i] >= N_VARIABLES) {
             return refuse(instance, "fmi2GetInteger", NOT_LISTED);
         }
-        values[i] = numbers[references[i] - DELAY];
+        values[i] = instance->integers[references[i] - DELAY];
     }
     return OK;
 }
@@ -234,7 +227,7 @@ EXPORT Status fmi2SetInteger(void *component, const unsigned *references, size_t
             return refuse(instance, "delay_periods",
                           "expected 0 to 16, before the end of the initialisation.");
         }
-        instance->delay_periods = values[i];
+        instance->integers[0] = values[i];
     }
     return OK;
 }
