@@ -10,8 +10,7 @@ import fmpy
 from fmpy.simulation import instantiate_fmu
 
 from offline.targets.fmu import write_fmu
-from rt_controller import Bundle, ControlInput, Observation, simulate
-from rt_controller.config import MpcSettings
+from rt_controller import Bundle, ControlInput, MpcSettings, Observation, simulate
 
 
 class FmuLaw:
@@ -24,23 +23,21 @@ class FmuLaw:
 
     def reset(self) -> None:
         self.fmu.reset()
-        self.period = 0
+        self.time_s = 0.0
 
     def control(self, now: Observation) -> ControlInput:
-        fmu, place = self.fmu, self.place
-        if self.period == 0:
-            fmu.setReal(range(place["start.throttle"], place["throttle"]), now.previous)
-            fmu.setInteger([place["delay_periods"]], [len(now.under_way)])
-            fmu.setupExperiment()
-            fmu.enterInitializationMode()
-            fmu.exitInitializationMode()
         inputs = [*now.state, now.curvature_per_m, *now.path, *now.preview]
-        fmu.setReal(range(len(inputs)), inputs)
-        fmu.doStep(0.025 * self.period, 0.025)
-        self.period += 1
-        return ControlInput(*fmu.getReal([place[name] for name in ControlInput._fields]))
+        self.fmu.setReal(range(19), inputs)  # the first variables, then three start values
+        if self.time_s == 0.0:
+            self.fmu.setReal(range(19, 22), now.previous)
+            self.fmu.setInteger([self.place["delay_periods"]], [len(now.under_way)])
+            self.fmu.enterInitializationMode()
+            self.fmu.exitInitializationMode()
+        self.fmu.doStep(self.time_s, 0.025)
+        self.time_s += 0.025
+        return ControlInput(*self.fmu.getReal([self.place[each] for each in ControlInput._fields]))
 
 
 if __name__ == "__main__":
     write_fmu(Path("controller.fmu"), Bundle.load("mdk-net"), MpcSettings())
-    print(simulate(controller=FmuLaw(Path("controller.fmu"))).errors)
+    print(simulate("double_lane_change", controller=FmuLaw(Path("controller.fmu"))).errors)
