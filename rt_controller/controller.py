@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from math import inf
 from numbers import Real
 from pathlib import Path
 from typing import Any, TypeVar
@@ -12,6 +13,7 @@ from threadpoolctl import ThreadpoolController
 from rt_controller.bus.messages import REFERENCE, STATE, Message
 from rt_controller.config import ControllerConfig, require_config
 from rt_controller.contract.arrays import Array
+from rt_controller.contract.car import UNNAMED_CAR
 from rt_controller.contract.preview import require_curvature, require_range
 from rt_controller.contract.signals import (
     NEUTRAL_INPUT,
@@ -91,6 +93,7 @@ class Controller:
         self.bundle = Bundle.load(config.model if model is None else model)
         """the model"""
         self._mpc = build_mpc(self.bundle, config.mpc)
+        self._car = self.bundle.car or UNNAMED_CAR
         # The products are small: threads of the linear algebra make them slower, and on a busy
         # machine a hundred times slower. The programs set this before numpy is imported.
         self._threads = ThreadpoolController()
@@ -162,6 +165,9 @@ class Controller:
         under_way: Sequence[ControlInput],
     ) -> Plan:
         x_0 = self._mpc.observer.observe(state, self._previous)
+        most_rad = self._car.largest_plan_rad(x_0.vx_mps, self.bundle.largest_steer_rad)
+        # A wheel that is turned further returns with its rate.
+        self._mpc.limit_steering(max(most_rad, abs(self._previous.steer_rad)), inf)
         status = self._mpc.plan(x_0, curvature_per_m, path, self._previous, preview, under_way)
         states = self._mpc.predicted_states()
         inputs = self._mpc.inputs.copy()

@@ -3,12 +3,12 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
-from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter, validators
 
+from offline.commands.export_law import export_fmu, export_law
 from offline.commands.options import LATEST_RUN, RUNS, JsonFile, require_ready
 from offline.commands.terminal import STDERR, STDOUT, print_plain, quoted
 from offline.config import PAST_STEPS
@@ -46,7 +46,7 @@ def export(
     data: Path | None = None,
     bundle: Path | None = None,
     model_trial: Literal["auto", "off"] | None = None,
-    target: Literal["bundle", "c"] = "bundle",
+    target: Literal["bundle", "c", "fmu"] = "bundle",
     model: Path | None = None,
     config: Path | None = None,
     precision: Literal["float", "double"] | None = None,
@@ -60,8 +60,8 @@ def export(
 
     Args:
         run: folder of the run
-        output: folder to write; default: bundle in the run, runs/BASELINE, or --bundle; for the C
-            code runs/MODEL-c
+        output: folder to write; default: bundle in the run, runs/BASELINE, or --bundle; for other
+            targets runs/MODEL-c, and the file runs/MODEL.fmu
         name: of the model in summaries and tables; default: mdk-net, or the baseline's
         baseline: export this baseline of the data set instead, for instance lti or
             edmd-bilinear; docs/baselines.md lists them
@@ -69,21 +69,15 @@ def export(
         bundle: store plans in this bundle, a folder or a shipped name; needs neither run nor data
         model_trial: auto: drive the simulated car with a model of it for eleven simulated seconds,
             and refuse one that does not hold or predict it; off: export any model; default: auto
-        target: bundle, or c: a folder with the control law of --model in C99
+        target: bundle; c: a folder with the control law of --model in C99; fmu: a file with it as
+            an FMU for co-simulation
         model: of the control law, a shipped name or the folder of a bundle; default: mdk-net
         config: file with settings of rt-controller, of which the law has those of mpc
         precision: numbers of the C code, float or double; default: float
         rom_kb: memory of the target for constants and code, in kB of 1024 bytes
         ram_kb: memory of the target for a controller, without its stack
     """
-    of_law = {
-        "--model": model,
-        "--config": config,
-        "--precision": precision,
-        "--rom-kb": rom_kb,
-        "--ram-kb": ram_kb,
-    }
-    of_bundle = {
+    of_bundle: dict[str, object] = {
         "RUN": None if run == LATEST_RUN else run,
         "--name": name,
         "--baseline": baseline,
@@ -91,7 +85,14 @@ def export(
         "--bundle": bundle,
         "--model-trial": model_trial,
     }
-    _require_none(of_law if target == "bundle" else of_bundle, target)
+    of_c: dict[str, object] = {"--precision": precision, "--rom-kb": rom_kb, "--ram-kb": ram_kb}
+    of_law: dict[str, object] = {"--model": model, "--config": config}
+    foreign = {"bundle": of_law | of_c, "c": of_bundle, "fmu": of_bundle | of_c}
+    _require_none(foreign[target], target)
+    if target == "fmu":
+        require_writable(json_file)
+        write_figures(json_file, export_fmu(model, config, output))
+        return
     require_folder(output, "--output")
     if target == "c":
         require_writable(json_file)
@@ -126,31 +127,6 @@ def _require_none(others: Mapping[str, object], target: str) -> None:
             f"--target {target}: expected none of {', '.join(others)} beside it, found "
             f"{given[0]}. Leave it out, or choose another --target."
         )
-
-
-def export_law(
-    model: Path | None,
-    config: Path | None,
-    output: Path | None,
-    precision: Literal["float", "double"],
-    rom_kb: float | None,
-    ram_kb: float | None,
-) -> dict[str, Any]:
-    """Figures of the control law of a bundle, after it was written in C."""
-    from offline.targets.c_source import Limits, export_c
-    from rt_controller.model.artifact import find_model, load_bundle
-    from rt_controller.terminal.options import read_controller_config
-
-    settings = read_controller_config(config)
-    bundle = load_bundle(find_model(model or settings.model))
-    limits = Limits(rom_kb or inf, ram_kb or inf)
-    target = output or RUNS / f"{bundle.name}-c"
-    with STDERR.status("driving with the model, for test vectors"):
-        figures, lines = export_c(bundle, settings, target, precision, limits)
-    is_tested = figures["test"] is not None
-    missing = "" if is_tested else ", which needs a C compiler, make and size: none is here"
-    print_plain("\n".join([*lines, f"Test it again{missing}:\n  make -C {quoted(target)} test"]))
-    return figures
 
 
 def _require_own_name(name: str | None) -> None:

@@ -1,6 +1,7 @@
 """Drives of the simulated car with the MPC in Python, as test vectors of the law in C."""
 
 from collections.abc import Callable
+from math import inf
 from typing import NamedTuple
 
 import numpy as np
@@ -136,6 +137,7 @@ class _RecordedLaw:
         delay = len(now.under_way)
         applied = self._acted[max(len(self._acted) - 1 - delay, 0)]
         x_0 = mpc.observer.observe(now.state, applied)
+        mpc.limit_steering(now.most_steer_rad, inf)
         status = mpc.plan(
             x_0, now.curvature_per_m, now.path, now.previous, now.preview, now.under_way
         )
@@ -144,13 +146,14 @@ class _RecordedLaw:
             raise ArithmeticError(f"no plan: {status.name}")
         wanted = ControlInput(*mpc.inputs[0].tolist())
         if self._first <= self._period < self._last:
+            limits = self._limits.with_wheel(now.most_steer_rad)
             under_way = np.zeros((MOST_UNDER_WAY, N_INPUTS))
             under_way[:delay] = np.reshape(now.under_way, (delay, N_INPUTS))
             situation = [
                 *(float(is_restart), *now.state, now.curvature_per_m, *now.path, *now.preview),
                 *(*applied, *now.previous, float(delay), *under_way.ravel()),
             ]
-            command = limit(wanted, now.previous, self._limits)
+            command = limit(wanted, now.previous, limits)
             plan = mpc.inputs[self._stages].ravel()
             self.rows.append((np.array(situation), np.array(command), plan))
         self._period += 1

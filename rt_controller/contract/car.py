@@ -20,6 +20,8 @@ from rt_controller.contract.quantities import Quantity
 from rt_controller.contract.signals import ControlInput
 
 _, _UPPER, _RATE = INPUT_LIMITS
+ACCEPTED = 0.97
+"""share of the lateral acceleration that the vehicle accepts, whose speed may differ a little"""
 
 
 class CarValue(NamedTuple):
@@ -95,6 +97,21 @@ class Car:
                 self.throttle_rate_per_s, self.brake_rate_n_per_s, self.steer_rate_radps
             ),
         )
+
+    @property
+    def accepted_mps2(self) -> float:
+        """Lateral acceleration of a steady turn that a command may ask for."""
+        return ACCEPTED * self.largest_lateral_mps2
+
+    def largest_plan_rad(self, vx_mps: float, model_rad: float) -> float:
+        """Bound of the wheel angle of a plan at this speed; the vehicle accepts every such angle.
+
+        `model_rad`: largest angle that the model was trained with.
+        """
+        by_speed_rad = self.geometry.largest_wheel_rad(
+            vx_mps, self.plan_lateral_mps2, self.accepted_mps2
+        )
+        return min(by_speed_rad, model_rad)
 
     @property
     def force_scale(self) -> float:

@@ -135,6 +135,7 @@ class Estimator:
         """Another drive begins."""
         self.forget()
         self.disturbance[:] = 0.0
+        self._pedals = 0.0
 
     def assume_steady(self, psi: Array, applied: ControlInput, curvature_per_m: float) -> None:
         """Take as disturbance what keeps the motion of a lifted state (n,) under this input.

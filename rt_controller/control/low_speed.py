@@ -89,8 +89,6 @@ SPEED_GAIN_PER_S = 3.0
 """acceleration per speed error"""
 STRONGEST_MPS2 = 2.0
 """acceleration, and braking beyond that of the reference"""
-ACCEPTED = 0.97
-"""share of the lateral acceleration that the vehicle accepts, whose speed may differ a little"""
 LARGEST_CHANGE_MPS2 = 10.0 * PERIOD_S
 """of the wanted acceleration in one period: a jerk of 10 m/s^3"""
 PEDAL_LAG_S = 0.3
@@ -239,11 +237,7 @@ class LowSpeedLaw:
 
     def largest_plan_rad(self, vx_mps: float) -> float:
         """Bound of the wheel angle of the model's plans; the vehicle accepts every such angle."""
-        car, model_rad = self._car.car, self._car.model_rad
-        accepted_mps2 = ACCEPTED * car.largest_lateral_mps2
-        return min(
-            car.geometry.largest_wheel_rad(vx_mps, car.plan_lateral_mps2, accepted_mps2), model_rad
-        )
+        return self._car.car.largest_plan_rad(vx_mps, self._car.model_rad)
 
     def choose(self, vx_mps: float, path: PathReference, wheel_rad: float = 0.0) -> Mode:
         """The law of this tick, with the wheel at `wheel_rad`."""

@@ -10,9 +10,14 @@ from numpy.typing import NDArray
 
 from rt_controller.config import MpcSettings
 from rt_controller.contract.arrays import Array
-from rt_controller.contract.car import DEFAULT_CAR
+from rt_controller.contract.car import UNNAMED_CAR
 from rt_controller.contract.errors import ConfigError
-from rt_controller.contract.limits import INPUT_LIMITS, RELEASED_BRAKE_N, RELEASED_THROTTLE
+from rt_controller.contract.limits import (
+    INPUT_LIMITS,
+    RELEASED_BRAKE_N,
+    RELEASED_THROTTLE,
+    UNDERSTEER_RAD_PER_MPS2,
+)
 from rt_controller.contract.signals import N_INPUTS, PATH_STATES, StateColumn
 from rt_controller.contract.timing import HOLD_PLAN_TICKS, PERIOD_S
 from rt_controller.control import estimator, pedals
@@ -90,6 +95,14 @@ class EnvelopeConstants(NamedTuple):
     upper: tuple[float, ...]
     change: tuple[float, ...]
     released: tuple[float, ...]
+    steering_ratio: float
+    wheelbase_m: float
+    understeer: float
+    plan_mps2: float
+    accepted_mps2: float
+    least_rad: float
+    lock_rad: float
+    trained_rad: float
 
 
 class LawConstants(NamedTuple):
@@ -132,14 +145,14 @@ def constants_of(bundle: Bundle, settings: MpcSettings) -> LawConstants:
                 f"{name}: expected none with the control law in C, found one. Leave it out, or "
                 f"drive with the law in Python."
             )
-    limits = (bundle.car or DEFAULT_CAR).limits
+    car = bundle.car or UNNAMED_CAR
+    limits = car.limits
+    qp = CondensedQp(bundle, settings.horizon, settings.cost(), None, settings.knots)
     return LawConstants(
         period_s=PERIOD_S,
         encoder=network_of(bundle),
         dynamics=_dynamics(bundle),
-        problem=_problem(
-            CondensedQp(bundle, settings.horizon, settings.cost(), None, settings.knots)
-        ),
+        problem=_problem(qp),
         estimation=EstimationConstants(
             gain=tuple(estimator.GAIN),
             offset_gain=tuple(estimator.OFFSET_GAIN),
@@ -154,6 +167,14 @@ def constants_of(bundle: Bundle, settings: MpcSettings) -> LawConstants:
             upper=tuple(limits.upper),
             change=tuple(rate * PERIOD_S for rate in limits.rate_per_s),
             released=(RELEASED_THROTTLE, RELEASED_BRAKE_N),
+            steering_ratio=car.steering_ratio,
+            wheelbase_m=car.wheelbase_m,
+            understeer=UNDERSTEER_RAD_PER_MPS2,
+            plan_mps2=car.plan_lateral_mps2,
+            accepted_mps2=car.accepted_mps2,
+            least_rad=INPUT_LIMITS.upper.steer_rad,
+            lock_rad=car.lock_rad,
+            trained_rad=bundle.largest_steer_rad,
         ),
         hold_periods=HOLD_PLAN_TICKS,
     )

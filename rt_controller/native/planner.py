@@ -45,7 +45,10 @@ def open_law(bundle: Bundle, settings: MpcSettings, real: Real = c_double) -> Na
     folders = [BUILT, *([cache / "law"] if cache else [])]
     options = FLOAT if real is c_float else ()
     library = built_library(
-        "control law in C", law_library_name(options), folders, partial(compile_law, options=options)
+        "control law in C",
+        law_library_name(options),
+        folders,
+        partial(compile_law, options=options),
     )
     return NativeLaw(constants_of(bundle, settings), library, real)
 

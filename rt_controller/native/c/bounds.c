@@ -82,16 +82,28 @@ void mdk_limit_steering(mdk_controller *c, mdk_real most_rad, mdk_real rate_radp
     }
 }
 
+mdk_real mdk_largest_wheel_rad(const mdk_model *model, mdk_real vx_mps) {
+    const mdk_envelope *car = &model->envelope;
+    const mdk_real squared = vx_mps * vx_mps;
+    const mdk_real length_m = car->wheelbase_m + car->understeer * squared;
+    const mdk_real per_rad_mps2 = larger(squared / (car->steering_ratio * length_m), R(1e-6));
+    const mdk_real by_speed_rad = smaller(car->lock_rad, car->plan_mps2 / per_rad_mps2);
+    const mdk_real most_rad = smaller(larger(by_speed_rad, car->least_rad), car->trained_rad);
+    return smaller(most_rad, car->accepted_mps2 / per_rad_mps2);
+}
+
 /* The nearest command to `wanted` that may follow `previous`: finite, within bounds and rates, one
  * pedal. A wanted throttle of 0 closes the throttle at once; of two pedals the one that was not
  * pressed before waits. */
-void mdk_limit(const mdk_model *model, const mdk_real wanted[MDK_INPUTS],
+void mdk_limit(const mdk_model *model, mdk_real most_steer_rad, const mdk_real wanted[MDK_INPUTS],
                const mdk_real previous[MDK_INPUTS], mdk_real command[MDK_INPUTS]) {
     const mdk_envelope *limits = &model->envelope;
     mdk_real found[MDK_INPUTS];
     for (int i = 0; i < MDK_INPUTS; i++) {
         const mdk_real finite = isfinite(wanted[i]) ? wanted[i] : previous[i];
-        const mdk_real bounded = limited(finite, limits->lower[i], limits->upper[i]);
+        const mdk_real low = i == MDK_STEER ? -most_steer_rad : limits->lower[i];
+        const mdk_real high = i == MDK_STEER ? most_steer_rad : limits->upper[i];
+        const mdk_real bounded = limited(finite, low, high);
         const mdk_real change = limits->change[i];
         found[i] = limited(bounded, previous[i] - change, previous[i] + change);
     }

@@ -110,10 +110,14 @@ typedef struct {
     mdk_real moved_pedal, brake_n;
 } mdk_estimation;
 
-/* The last check of a command. */
+/* The last check of a command, and the bound of the wheel by the speed: `least_rad`, or more at low
+ * speed, as far as a steady turn stays within `plan_mps2`; at any angle within `accepted_mps2`. */
 typedef struct {
     mdk_real lower[MDK_INPUTS], upper[MDK_INPUTS], change[MDK_INPUTS]; /* change: a period */
     mdk_real released[MDK_STEER];
+    mdk_real steering_ratio, wheelbase_m, understeer; /* understeer: rad per m/s^2 */
+    mdk_real plan_mps2, accepted_mps2;
+    mdk_real least_rad, lock_rad, trained_rad;
 } mdk_envelope;
 
 typedef struct {
@@ -159,8 +163,11 @@ void mdk_observe(mdk_controller *c, const mdk_real measured[MDK_STATES],
                  const mdk_real applied[MDK_INPUTS], mdk_real x_0[MDK_STATES]);
 mdk_status mdk_plan(mdk_controller *c, const mdk_real x_0[MDK_STATES], const mdk_situation *now);
 void mdk_prepare(mdk_controller *c);
-void mdk_limit(const mdk_model *model, const mdk_real wanted[MDK_INPUTS],
+void mdk_limit(const mdk_model *model, mdk_real most_steer_rad, const mdk_real wanted[MDK_INPUTS],
                const mdk_real previous[MDK_INPUTS], mdk_real command[MDK_INPUTS]);
+
+/* Bound of the wheel angle at a speed. */
+mdk_real mdk_largest_wheel_rad(const mdk_model *model, mdk_real vx_mps);
 
 /* The last plan that was solved, [horizon][3]. */
 const mdk_real *mdk_inputs(const mdk_controller *c);

@@ -101,6 +101,7 @@ void mdk_discard_estimates(mdk_controller *c) {
     c->estimator.is_advanced = false;
     c->estimator.begun = 0;
     set_zero(MDK_STATES, c->estimator.disturbance);
+    c->estimator.pedals = R(0);
 }
 
 void mdk_reset(mdk_controller *c, const mdk_real previous[MDK_INPUTS]) {
@@ -194,6 +195,10 @@ void mdk_prepare(mdk_controller *c) {
 mdk_status mdk_step(mdk_controller *c, const mdk_situation *now, mdk_real command[MDK_INPUTS]) {
     mdk_real x_0[MDK_STATES];
     mdk_observe(c, now->state, now->applied, x_0);
+    /* A wheel that is turned further returns with its rate. */
+    const mdk_real turned_rad = fabs(now->previous[MDK_STEER]);
+    const mdk_real most_rad = larger(mdk_largest_wheel_rad(c->model, x_0[MDK_VX]), turned_rad);
+    mdk_limit_steering(c, most_rad, INFINITY);
     const mdk_status status = mdk_plan(c, x_0, now);
     if (status == MDK_SOLVED) {
         c->periods_held = 0;
@@ -206,7 +211,7 @@ mdk_status mdk_step(mdk_controller *c, const mdk_situation *now, mdk_real comman
     if (is_held && c->periods_held < c->model->problem.horizon) {
         wanted = c->eq14.inputs + c->periods_held * MDK_INPUTS;
     }
-    mdk_limit(c->model, wanted, now->previous, command);
+    mdk_limit(c->model, most_rad, wanted, now->previous, command);
     mdk_prepare(c);
     return status;
 }
