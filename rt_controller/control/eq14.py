@@ -9,10 +9,10 @@ the slacks s of the corridor. The lifted states are eliminated, so its size does
 number. Once a period the model is linearised along the last plan (one iteration of a sequential
 quadratic program), from the derivative of one step,
 
-    J_k = [A + N W_k S | B + N t_k M],  by psi_k and by [u_k; kappa]
+    J_k = [A + N W_k S | B + N t_k],  by psi_k and by [u_k; kappa]
 
-with the value t of each gain, W = diag(f t'), and M (q, 4), which tells whose factor f it has. The
-path has derivatives of its own, by kinematics.
+with W = diag(f t'), and t in the column of the factor f of its gain. The derivatives of the path are
+those of its kinematics.
 """
 
 from collections.abc import Sequence
@@ -87,10 +87,9 @@ class Linearisation:
             used &= {*list(StateColumn)[PATH_STATES]}
             self._path = PathDerivatives(bundle.movement, sorted(used), horizon)
         self.is_linear = q == 0 and self._path is None
-        self._M = np.eye(N_INPUTS + 2)[gains.factors][:, : N_INPUTS + 1]
-        """(q, 4), which of [u; kappa] is the factor of a gain"""
-        self._N = np.zeros((horizon, n, q))
-        """N W_k, then N t_k"""
+        self._gains_of = [np.flatnonzero(gains.factors == f) for f in range(N_INPUTS + 1)]
+        """those that [u; kappa] is the factor of"""
+        self._N_W = np.zeros((horizon, n, q))
         self._inputs = np.ones((horizon, N_INPUTS + 2))
         """[u; kappa; 1] of each stage"""
         self.psi = np.zeros((horizon + 1, n))
@@ -109,13 +108,13 @@ class Linearisation:
             slope = np.ones(t.shape)
             slope[:, gains.first_saturating :] -= np.square(t[:, gains.first_saturating :])
             W = inputs[:, gains.factors] * slope
-            for columns, values, by, constant in (
-                (slice(n), W, gains.S, gains.A),
-                (slice(n, None), t, self._M, gains.B[:, : N_INPUTS + 1]),
-            ):
-                np.multiply(gains.N, values[:, None], out=self._N)
-                J[..., columns] = np.dot(self._N.reshape(-1, q), by).reshape(len(J), n, -1)
-                J[..., columns] += constant
+            np.multiply(gains.N, W[:, None], out=self._N_W)
+            by_psi = np.dot(self._N_W.reshape(-1, q), gains.S).reshape(len(J), n, n)
+            np.add(by_psi, gains.A, out=J[..., :n])
+            for column, own in enumerate(self._gains_of):
+                if len(own):
+                    by_input = np.dot(t[:, own], gains.N[:, own].T)
+                    np.add(by_input, gains.B[:, column], out=J[..., n + column])
         if self._path is not None:
             path = self._path.columns
             J[:, path, :n], J[:, path, -1] = self._path.along(psi, kappa)
@@ -159,11 +158,11 @@ class CondensedQp:
         self._choose_outputs(cost)
         self.linearisation = Linearisation(bundle, self.knots.horizon, self.columns)
         s = len(self.columns)
-        self._by_psi = np.zeros((K + 1, s, n))
-        """(K + 1, s, n), derivatives of the states in `columns` at the knots by psi_0"""
-        self._by_psi[0] = np.eye(n)[self.columns]
-        self._by_input = np.zeros((horizon, K + 1, s, N_INPUTS + 1))
-        """(N, K + 1, s, 4), the same by [u; kappa] of each stage"""
+        self._Y = np.zeros((horizon + 1, (K + 1) * s, n + N_INPUTS + 1))
+        """(N + 1, (K + 1) s, n + 4), derivatives of the states in `columns` at the knots and at the
+        end, by psi and [u; kappa] of each stage; at the stage of a knot the rows of the identity"""
+        for i, stage in enumerate((0, *self.knots.ends)):
+            self._Y[stage, i * s : (i + 1) * s, :n] = np.eye(n)[self.columns]
         self._bound_inputs(bundle)
         self.R, self.from_previous = _cost_of_inputs(cost, self.knots, self.scale)
         self.matrices_vary = self.has_course or not self.linearisation.is_linear
@@ -251,13 +250,15 @@ class CondensedQp:
         self._propagate()
         x = self.linearisation.psi[[0, *self.knots.ends]]
         self._length_m[:] = np.maximum(x[1:, StateColumn.vx_mps], SLOWEST_MPS) * self._interval_s
-        by_input = self._by_input.reshape(len(self._by_input), -1)
-        by_knot = np.dot(self.T.T, by_input).reshape(-1, *self._by_input.shape[1:])
-        by_v = by_knot[..., :N_INPUTS].transpose(1, 2, 0, 3)  # by knot and input
-        rows = self.Q.size
+        n, rows, states = len(self.psi_0), self.Q.size, (len(x), len(self.columns))
+        by_input = self._Y[:-1, :, n:]
+        by_u = by_input[..., :N_INPUTS].reshape(len(by_input), -1)
+        by_v = np.dot(self.T.T, by_u).reshape(len(self.T.T), *states, N_INPUTS)
+        by_v = by_v.transpose(1, 2, 0, 3)  # by knot and input
         self._Gamma = self._outputs(by_v).reshape(rows, -1) * self.scale
-        self._Phi = self._outputs(self._by_psi).reshape(rows, -1)
-        self._g = self._outputs(self._by_input[..., N_INPUTS].sum(axis=0)).reshape(-1)
+        self._Phi = self._outputs(self._Y[0, :, :n].reshape(*states, n)).reshape(rows, -1)
+        by_kappa = by_input[..., N_INPUTS].sum(axis=0)
+        self._g = self._outputs(by_kappa.reshape(states)).reshape(-1)
         v_nominal = self.u_nominal.reshape(-1) / self.scale
         self._constant = self._outputs(x[:, self.columns]).reshape(-1)
         self._constant -= self._Gamma @ v_nominal + self._Phi @ self.psi_0 + self._g * self.kappa
@@ -271,15 +272,12 @@ class CondensedQp:
 
     def _propagate(self) -> None:
         """Derivatives of the states at the knots, by the adjoint equation y' <- y' J_k."""
-        Y, n, first = self._by_psi, len(self.psi_0), len(self._by_psi)
+        Y, J, n, s = self._Y, self.linearisation.J, len(self.psi_0), len(self.columns)
+        first = len(self.knots.ends) + 1  # of the knots behind stage k
         for k in reversed(range(self.knots.horizon)):
             if k + 1 == self.knots.ends[first - 2]:
                 first -= 1
-                Y[first] = Y[0]
-            y_J = np.dot(Y[first:].reshape(-1, n), self.linearisation.J[k])
-            by_psi, by_input = y_J[:, :n], y_J[:, n:]
-            Y[first:] = by_psi.reshape(-1, *Y.shape[1:])
-            self._by_input[k, first:] = by_input.reshape(-1, *self._by_input.shape[2:])
+            np.dot(Y[k + 1, first * s :, :n], J[k], out=Y[k, first * s :])
 
     def _outputs(self, x: Array) -> Array:
         """Outputs (K, p, ...) at the ends of the intervals, of states (K + 1, s, ...) at knots."""

@@ -151,14 +151,18 @@ class Step:
         n, first = psi.shape[1], self.first_saturating
         forcing, factors = inputs @ self._by_inputs, inputs[:, self.factors]
         t = np.empty(factors.shape)
-        for k, t_k in enumerate(t):
-            mapped = np.dot(psi[k], self._by_psi)
-            mapped += forcing[k]
-            psi[k + 1] = mapped[:n]
-            if self.count:
-                t_k[:] = mapped[n:]
-                np.tanh(t_k[first:], out=t_k[first:])
-                psi[k + 1] += np.dot(t_k * factors[k], self._N_T)
+        # Calls of numpy are what this loop costs.
+        for now, after, forced, t_k, f_k in zip(
+            psi[:-1], psi[1:], forcing, t, factors, strict=True
+        ):
+            mapped = np.dot(now, self._by_psi)
+            mapped += forced
+            if not self.count:
+                after[:] = mapped
+                continue
+            t_k[:first] = mapped[n : n + first]
+            np.tanh(mapped[n + first :], out=t_k[first:])
+            np.add(np.dot(t_k * f_k, self._N_T), mapped[:n], out=after)
         if self._movement is not None:
             moved, path = psi[:-1] @ self._movement.S.T + self._movement.s0, psi[0, PATH_STATES]
             psi[1:, PATH_STATES] = path_of(moved, float(inputs[0, self._curvature]), path)
