@@ -11,8 +11,8 @@ quadratic program), from the derivative of one step,
 
     J_k = [A + N W_k S | B + N t_k],  by psi_k and by [u_k; kappa]
 
-with W = diag(f t'), and t in the column of the factor f of its gain. The derivatives of the path are
-those of its kinematics.
+with W = diag(f t'), and t in the column of the factor f of its gain. The path has derivatives of
+its own, by kinematics.
 """
 
 from collections.abc import Sequence
