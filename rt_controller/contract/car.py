@@ -98,7 +98,7 @@ class Car:
             ),
         )
 
-    @property
+    @cached_property
     def accepted_mps2(self) -> float:
         """Lateral acceleration of a steady turn that a command may ask for."""
         return ACCEPTED * self.largest_lateral_mps2

@@ -1,6 +1,7 @@
 """The law that drives where no model is trained: start, creep, stop and hold."""
 
 from collections.abc import Sequence
+from functools import partial
 from math import inf, sqrt, tan
 from typing import NamedTuple
 
@@ -188,6 +189,8 @@ class LowSpeedLaw:
         self.law = self._law_before = Mode.NOMINAL
         """that of the last tick: NOMINAL, LOW_SPEED or STANDSTILL"""
         self._car = car
+        self.largest_plan_rad = partial(car.car.largest_plan_rad, model_rad=car.model_rad)
+        """bound of the wheel angle of the model's plans, by speed"""
         self._disturbance_mps2 = 0.0
         self._pedals_mps2 = 0.0
         self._wanted_mps2 = 0.0
@@ -234,10 +237,6 @@ class LowSpeedLaw:
     def largest_wheel_rad(self, vx_mps: float) -> float:
         """Bound of the wheel angle at this speed."""
         return self._car.geometry.largest_wheel_rad(vx_mps, LARGEST_TURN_MPS2)
-
-    def largest_plan_rad(self, vx_mps: float) -> float:
-        """Bound of the wheel angle of the model's plans; the vehicle accepts every such angle."""
-        return self._car.car.largest_plan_rad(vx_mps, self._car.model_rad)
 
     def choose(self, vx_mps: float, path: PathReference, wheel_rad: float = 0.0) -> Mode:
         """The law of this tick, with the wheel at `wheel_rad`."""
