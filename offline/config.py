@@ -32,7 +32,7 @@ class TrainingConfig(Settings):
     """
 
     preset: str = "recommended"
-    """starting point: recommended, linear, paper, paper-literal or quick"""
+    """starting point: recommended, small, linear, paper, paper-literal or quick"""
 
     init: str | None = None
     """bundle whose weights, structure and scaling the training begins with, a shipped name or a
@@ -98,7 +98,7 @@ class TrainingConfig(Settings):
     """alpha_1 of eq. (13)"""
     weight_multi_step: Weight = 1.0
     """alpha_2 of eq. (13)"""
-    weight_stability: Weight = 20.0
+    weight_stability: Weight = 100.0
     """alpha_3 of eq. (13)"""
     weight_regularisation: Weight = 1e-4
     """alpha_4 of eq. (13)"""
@@ -118,7 +118,7 @@ class TrainingConfig(Settings):
     """activation of the hidden layers of the encoder"""
     hidden: tuple[PositiveInt, ...] = (128, 128)
     """widths of the encoder's hidden layers"""
-    latents: PositiveInt = 40
+    latents: PositiveInt = 30
     """P, number of observables besides the physical states"""
     latents_start: Literal["fading", "identity"] = "fading"
     """initial latents: fading: small, with time constants from 0.05 to 5 s in A; identity:
@@ -135,12 +135,12 @@ class TrainingConfig(Settings):
     separate_motion: bool = True
     """the observables are those of the motion, and progress and place on the road follow from it by
     kinematics; without effect on signals that are not those of a car on a road"""
-    bilinear_rank: int = Field(default=10, ge=0)
+    bilinear_rank: int = Field(default=8, ge=0)
     """rank R of the bilinear part of B; 0: B is constant"""
     saturating_gains: bool = True
     """the bilinear part is bounded: each factor is the hyperbolic tangent of a linear function of
     the lifted state"""
-    drift_rank: int = Field(default=10, ge=0)
+    drift_rank: int = Field(default=6, ge=0)
     """rank of the saturating part of the motion without inputs; 0: it is linear, as it is if the
     gains do not saturate"""
     bilinear_follows: Follow = Follow.PREDICTION
@@ -198,6 +198,17 @@ PAPER = TrainingConfig(
 
 PRESETS = {
     "recommended": RECOMMENDED,
+    # For a microcontroller. The fewer observables, the more a penalty on growth is needed.
+    "small": RECOMMENDED.model_copy(
+        update={
+            "preset": "small",
+            "hidden": (32, 32),
+            "latents": 18,
+            "bilinear_rank": 4,
+            "drift_rank": 6,
+            "weight_stability": 400.0,
+        }
+    ),
     # The best model found with a constant B, as in the paper.
     "linear": RECOMMENDED.model_copy(
         update={"preset": "linear", "bilinear_rank": 0, "drift_rank": 0}
