@@ -245,8 +245,8 @@ def compare(
     Parameters
     ----------
     controllers
-        mdk-net, mdk-net-paper, lti, folders of bundles, stanley, bicycle-mpc, or own control laws
-        as MODULE:CLASS or FILE.py:CLASS
+        mdk-net, mdk-net-small, mdk-net-paper, lti, folders of bundles, stanley, bicycle-mpc, or
+        own control laws as MODULE:CLASS or FILE.py:CLASS
     scenario
         one or several, each a shipped one or the path of a .toml or .xodr file
     seeds

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from rt_controller.model.bundle import Bundle
 
 
-ShippedModel = Literal["mdk-net", "mdk-net-paper", "lti"]
+ShippedModel = Literal["mdk-net", "mdk-net-small", "mdk-net-paper", "lti"]
 
 
 def is_model(name: str) -> bool:

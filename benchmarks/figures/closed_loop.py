@@ -24,7 +24,7 @@ from sim_bridge.scenario import Scenario, load_scenario
 from sim_bridge.scenario.scenario import Load
 
 ROOT = Path(__file__).parents[2]
-MODELS = ("mdk-net", "mdk-net-paper", "lti")
+MODELS = ("mdk-net", "mdk-net-small", "mdk-net-paper", "lti")
 RIVALS = tuple(BASELINES)
 _TRUE = ("ey_rms_m", "ey_peak_m", "epsi_peak_rad", "speed_rms_mps", "speed_peak_mps")
 """figures that are measured at the car, not on the bus"""

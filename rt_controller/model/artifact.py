@@ -102,7 +102,7 @@ _SIGNALS = {"state": "states", "input": "inputs", "exogenous": "exogenous"}
 
 
 def shipped_model(name: str = SHIPPED_MODEL) -> Path:
-    """The folder of a bundle that ships with the package: "mdk-net", "mdk-net-paper" or "lti"."""
+    """The folder of a bundle that ships with the package, as of `config.ShippedModel`."""
     return Path(str(resources.files("rt_controller") / "models" / name))
 
 

@@ -253,7 +253,7 @@ def test_only_the_matrices_of_a_linear_model_with_a_cost_of_epsi_are_constant(he
 
 BUNDLES = {name: lambda name=name: made(name) for name in VARIANTS}
 BUNDLES |= {f"{name}, history": lambda name=name: made(name, lift=WITH_ALL) for name in VARIANTS}
-for name in ("lti", "mdk-net", "mdk-net-paper"):
+for name in ("lti", "mdk-net", "mdk-net-small", "mdk-net-paper"):
     BUNDLES[name] = lambda name=name: load_bundle(shipped_model(name))
 
 

@@ -74,7 +74,7 @@ def test_the_physical_states_keep_double_precision(learned):
     assert tuple(psi[:WIDTH]) == STATE
 
 
-@pytest.mark.parametrize("name", ["lti", "mdk-net", "mdk-net-paper"])
+@pytest.mark.parametrize("name", ["lti", "mdk-net", "mdk-net-small", "mdk-net-paper"])
 def test_shipped_models_reproduce_training_within_1e_5_of_each_spread(name):
     bundle = load_bundle(shipped_model(name))
     assert bundle.parity_error(lifted(bundle)) < 1e-5

@@ -21,7 +21,7 @@ def refusal(bundle: Bundle) -> str:
     return message
 
 
-@pytest.mark.parametrize("name", ["lti", "mdk-net", "mdk-net-paper"])
+@pytest.mark.parametrize("name", ["lti", "mdk-net", "mdk-net-small", "mdk-net-paper"])
 def test_the_shipped_models_and_one_with_every_part_are_drivable(name, bundle):
     require_drivable(load_bundle(shipped_model(name)))
     require_drivable(bundle)  # bilinear, with curvature and history

@@ -376,7 +376,7 @@ def test_a_bundle_gets_plans_in_its_folder_and_stays_the_same_model(command, wit
         command(export.main, *option, "--bundle", "old", code=2)
 
 
-@pytest.mark.parametrize("name", ["lti", "mdk-net", "mdk-net-paper"])
+@pytest.mark.parametrize("name", ["lti", "mdk-net", "mdk-net-small", "mdk-net-paper"])
 def test_the_shipped_models_have_stored_plans(name):
     """Without them: offline-export --bundle NAME."""
     assert load_bundle(shipped_model(name)).plans is not None
