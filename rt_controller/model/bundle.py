@@ -90,8 +90,8 @@ class Bundle:
         """The bundle in a folder, or the shipped one of that name.
 
         Warns where a model of this car has no stored plans. `model` is "mdk-net" (as None is),
-        "mdk-net-small", "mdk-net-paper", "lti", a folder that `save` or offline-export wrote, or a `Bundle`, which
-        is returned as it is.
+        "mdk-net-small", "mdk-net-paper", "lti", a folder that `save` or offline-export wrote, or a
+        `Bundle`, which is returned as it is.
         """
         if isinstance(model, Bundle):
             return model
