@@ -43,6 +43,14 @@ static void change(double *in) {
     }
 }
 
+static uint64_t add_to_hash(uint64_t hash, const double *out) {
+    const unsigned char *bytes = (const unsigned char *)out;
+    for (size_t i = 0; i < MDK_INPUTS * sizeof *out; i++) {
+        hash = (hash ^ bytes[i]) * 1099511628211u;
+    }
+    return hash;
+}
+
 static int is_as_promised(int status, int held, const double *in, const double *out) {
     const mdk_envelope *limits = &MDK_MODEL.envelope;
     mdk_real previous[MDK_INPUTS], expected[MDK_INPUTS];
@@ -81,6 +89,7 @@ int main(int count, char **arguments) {
     state_of_rng = count > 2 ? (uint64_t)atoi(arguments[2]) : 0;
     double in[MDK_IN_SIZE], out[MDK_OUT_SIZE] = {0.0};
     int broken = 0, solved = 0, worst = 0, held = MDK_MODEL.hold_periods;
+    uint64_t hash = 14695981039346656037u;
     mdk_arrays_start(&law);
     for (int t = 0, row = 0; t < periods; t++, row = (row + 1) % RECORDED_PERIODS) {
         row = below(50) == 0 ? below(RECORDED_PERIODS) : row;
@@ -95,6 +104,7 @@ int main(int count, char **arguments) {
         }
         held = in[MDK_IN_RESTART] > 0.0 ? MDK_MODEL.hold_periods : held;
         const int status = mdk_arrays_step(&law, in, out);
+        hash = add_to_hash(hash, out);
         held = status == MDK_SOLVED ? 0 : held + 1;
         solved += status == MDK_SOLVED;
         worst = out[MDK_OUT_ITERATIONS] > worst ? (int)out[MDK_OUT_ITERATIONS] : worst;
@@ -104,6 +114,7 @@ int main(int count, char **arguments) {
                     in[MDK_IN_PREVIOUS_BRAKE], in[MDK_IN_PREVIOUS_STEER]);
         }
     }
-    printf("periods %d\nsolved %d\nbroken %d\niterations_worst %d\n", periods, solved, broken, worst);
+    printf("periods %d\nsolved %d\nbroken %d\n", periods, solved, broken);
+    printf("iterations_worst %d\nhash_of_commands %llx\n", worst, (unsigned long long)hash);
     return broken > 0;
 }

@@ -56,11 +56,11 @@ def _situation(bundle: Bundle, rng: np.random.Generator) -> Iterator[Call]:
         return float(share() * np.interp(vx, valid.speed_mps, limits))
 
     curvature = near(valid.curvature_per_m)
-    ey_m = 2.0 * share()
+    ey_m = 1.0 * share()
     motion = (vx, 0.03 * vx * share(), near(valid.lateral_mps2) / vx)
-    state = np.array([*motion, vx * PERIOD_S, ey_m, 0.15 * share()])
+    state = np.array([*motion, vx * PERIOD_S, ey_m, 0.1 * share()])
     path = PathReference(
-        *(np.array([ey_m, 0.0, 0.0, 0.0]) + share(4) * [1.5, 0.1, 3e-3, 5e-5]).tolist(),
+        *(np.array([ey_m, 0.0, 0.0, 0.0]) + share(4) * [0.8, 0.06, 1e-3, 2e-5]).tolist(),
         v_mps=max(vx + 5.0 * share(), 0.0),
         a_mps2=2.0 * share(),
     )
