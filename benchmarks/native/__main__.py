@@ -65,12 +65,11 @@ def main(
     missed = False
     for name, value in _leaves(figures):
         goal = largest.get(name)
-        text = "-" if value is None else f"{value:.3g}" if isinstance(value, float) else f"{value}"
-        is_beyond = None not in (goal, value) and value > goal * (
-            GROWTH if "instructions" in name else 1.0
-        )
-        beyond = " BEYOND" if is_beyond else ""
-        console.print(f"{name:<48}{text:>12}" + (f"  goal {goal:g}{beyond}" if goal else ""))
+        limit = None if goal is None else goal * (GROWTH if "instructions" in name else 1.0)
+        is_beyond = None not in (limit, value) and value > limit
+        text = f"{value:.3g}" if isinstance(value, float) else f"{value}"
+        goal_text = "" if goal is None else f"  goal {goal:g}{' MISSED' * is_beyond}"
+        console.print(f"{name:<44}{text:>12}{goal_text}")
         missed |= is_beyond
     write_figures(json, figures)
     return EXIT_MISSED if missed else 0

@@ -5,6 +5,7 @@ from ctypes import c_double, c_float
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from benchmarks.native.recorded import Call, difference, repeat
 from offline.targets.recorded_drives import open_exact_mpc
@@ -66,7 +67,7 @@ class Comparison(NamedTuple):
     planners: tuple[str, ...]
     differences: Array
     """(T, P, P) between planners, in units of an input's range; NaN: one has no plan"""
-    solved: Array
+    solved: NDArray[np.bool_]
     """(T, P)"""
     iterations: Array
     """(T, P)"""
@@ -85,6 +86,7 @@ class Comparison(NamedTuple):
         found = self.differences[is_comparable, a, b]
         return {
             "worst_of_range": float(found.max()),
+            "median_of_range": float(np.median(found)),
             "p99_9_of_range": float(np.quantile(found, 0.999)),
             "plans_of_one_only": int(is_other.sum()),
         }
