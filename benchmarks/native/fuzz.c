@@ -68,7 +68,8 @@ static int is_as_promised(int status, int held, const double *in, const double *
         }
     }
     for (int i = MDK_IN_VX; i < MDK_IN_SPACING; i++) {
-        is_kept &= !isnan(in[i]) || status != MDK_SOLVED;
+        /* After inputs under way the progress until now has no effect. */
+        is_kept &= !isnan(in[i]) || i == MDK_IN_DS || status != MDK_SOLVED;
     }
     if (status != MDK_SOLVED) {
         const int is_held = held <= MDK_MODEL.hold_periods && held < MDK_MODEL.problem.horizon;

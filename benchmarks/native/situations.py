@@ -59,8 +59,9 @@ def _situation(bundle: Bundle, rng: np.random.Generator) -> Iterator[Call]:
     ey_m = 1.0 * share()
     motion = (vx, 0.03 * vx * share(), near(valid.lateral_mps2) / vx)
     state = np.array([*motion, vx * PERIOD_S, ey_m, 0.1 * share()])
-    shape = np.array([ey_m, 0.0, 0.0, 0.0]) + share(4) * [0.8, 0.06, 1e-3, 2e-5]
-    path = PathReference(*shape.tolist(), max(vx + 5.0 * share(), 0.0), 2.0 * share())
+    line = np.array([ey_m, 0.0, 0.0, 0.0]) + share(4) * [0.8, 0.06, 1e-3, 2e-5]
+    speed = max(vx + 5.0 * share(), 0.0), 2.0 * share()
+    path = PathReference(*np.append(line, speed).tolist())
     ahead = curvature * (1.0 + 0.3 * np.cumsum(share(5)))
     preview = CurvaturePreview(float(rng.uniform(4.0, 20.0)), *ahead.tolist())
     pedals = (rng.random(), 0.0) if rng.random() < 0.5 else (0.0, 80.0 * rng.random())
