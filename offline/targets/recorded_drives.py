@@ -1,13 +1,14 @@
 """Drives of the simulated car with the MPC in Python, as test vectors of the law in C."""
 
 from collections.abc import Callable
+from functools import partial
 from math import inf
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rt_controller.config import ControllerConfig
+from rt_controller.config import ControllerConfig, MpcSettings
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.car import DEFAULT_CAR
 from rt_controller.contract.errors import ArtifactError
@@ -30,6 +31,8 @@ SCENARIOS = (
 )
 """name, first recorded period of the MPC, number of them"""
 MAX_ROUNDS = 20
+MOST_ITERATIONS = 60
+"""of PIQP"""
 FEWEST_PERIODS = 40
 """of all drives; a model that is recorded for less does not hold the car"""
 
@@ -57,12 +60,7 @@ def record_drives(
         ConfigError: settings that give no QP.
         MissingExtraError: the simulated car is not compiled.
     """
-    settings = config.mpc.for_model(bundle)
-
-    def open_mpc() -> Mpc:
-        cost, gain = settings.cost(), settings.disturbance_gain
-        return Mpc(bundle, settings.horizon, cost, None, _ExactSolver, settings.knots, gain)
-
+    open_mpc = partial(open_exact_mpc, bundle, config.mpc)
     rows: list[tuple[Array, Array, Array]] = []
     for name, first, count in SCENARIOS:
         law = _RecordedLaw(open_mpc, bundle, stages, first, count)
@@ -77,14 +75,26 @@ def record_drives(
     return RecordedDrives(*(np.array(column) for column in zip(*rows, strict=True)))
 
 
+def open_exact_mpc(bundle: Bundle, settings: MpcSettings) -> Mpc:
+    """The MPC of these settings with an exact solution of each QP.
+
+    Raises:
+        ConfigError: settings that give no QP.
+    """
+    settings = settings.for_model(bundle)
+    cost, gain = settings.cost(), settings.disturbance_gain
+    return Mpc(bundle, settings.horizon, cost, None, _ExactSolver, settings.knots, gain)
+
+
 class _ExactSolver:
-    """PIQP, whose solution is within 1e-4 of the range, and the exact one of its active bounds.
+    """The exact solution of the bounds that are active in a solution of PIQP.
 
     The C code solves exactly, and a difference of one plan is found in the following ones too.
     """
 
     def __init__(self, program: QuadraticProgram) -> None:
-        self._piqp, self._active_set = PiqpSolver(program), ActiveSetIteration(program)
+        self._piqp = PiqpSolver(program, MOST_ITERATIONS, is_exact=True)
+        self._active_set = ActiveSetIteration(program)
         self.solution, self.iterations = self._piqp.solution.copy(), 0
         self.limit_solve_time = self._piqp.limit_solve_time
 

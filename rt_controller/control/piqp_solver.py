@@ -46,7 +46,13 @@ class PiqpSolver:
         ConfigError: PIQP fails on the program for another reason than infeasibility.
     """
 
-    def __init__(self, program: QuadraticProgram, max_iterations: int = MAX_ITERATIONS) -> None:
+    def __init__(
+        self,
+        program: QuadraticProgram,
+        max_iterations: int = MAX_ITERATIONS,
+        is_exact: bool = False,
+    ) -> None:
+        """`is_exact`: to 1e-11; for a reference, not for the loop."""
         self._program = program
         # P with all its entries, G without those that are always zero.
         self._P = csc_matrix(np.ones_like(program.P))
@@ -57,6 +63,9 @@ class PiqpSolver:
         # The fastest factorisation here, of dense matrices too.
         settings.kkt_solver = piqp.KKTSolver.sparse_multistage
         settings.eps_abs, settings.eps_duality_gap_abs = EPS_ABS, EPS_DUALITY_GAP_ABS
+        if is_exact:
+            settings.eps_abs, settings.eps_duality_gap_abs = 1e-11, 1e-14
+            settings.eps_rel = settings.eps_duality_gap_rel = 0.0
         settings.max_iter = max_iterations
         # Scaling the problem again costs more than it gains for matrices that change little.
         settings.preconditioner_reuse_on_update = True

@@ -100,12 +100,13 @@ void mdk_limit(const mdk_model *model, mdk_real most_steer_rad, const mdk_real w
     const mdk_envelope *limits = &model->envelope;
     mdk_real found[MDK_INPUTS];
     for (int i = 0; i < MDK_INPUTS; i++) {
-        const mdk_real finite = isfinite(wanted[i]) ? wanted[i] : previous[i];
+        const mdk_real before = isfinite(previous[i]) ? previous[i] : R(0);
+        const mdk_real finite = isfinite(wanted[i]) ? wanted[i] : before;
         const mdk_real low = i == MDK_STEER ? -most_steer_rad : limits->lower[i];
         const mdk_real high = i == MDK_STEER ? most_steer_rad : limits->upper[i];
         const mdk_real bounded = limited(finite, low, high);
         const mdk_real change = limits->change[i];
-        found[i] = limited(bounded, previous[i] - change, previous[i] + change);
+        found[i] = limited(bounded, before - change, before + change);
     }
     if (wanted[MDK_THROTTLE] <= limits->lower[MDK_THROTTLE]) {
         found[MDK_THROTTLE] = limits->lower[MDK_THROTTLE];

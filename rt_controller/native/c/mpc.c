@@ -197,7 +197,7 @@ mdk_status mdk_step(mdk_controller *c, const mdk_situation *now, mdk_real comman
     mdk_observe(c, now->state, now->applied, x_0);
     /* A wheel that is turned further returns with its rate. */
     const mdk_real turned_rad = fabs(now->previous[MDK_STEER]);
-    const mdk_real most_rad = larger(mdk_largest_wheel_rad(c->model, x_0[MDK_VX]), turned_rad);
+    const mdk_real most_rad = larger(turned_rad, mdk_largest_wheel_rad(c->model, x_0[MDK_VX]));
     mdk_limit_steering(c, most_rad, INFINITY);
     const mdk_status status = mdk_plan(c, x_0, now);
     if (status == MDK_SOLVED) {

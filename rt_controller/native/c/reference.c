@@ -39,7 +39,7 @@ void mdk_expand(const mdk_controller *c, const mdk_situation *now, const mdk_rea
         const int stage = i < p->knots ? p->stages[i] : p->horizon;
         const int periods = stage + now->n_under_way;
         const mdk_real elapsed_s = R(periods) * c->model->period_s;
-        const mdk_real speed_mps = larger(v_mps + a_mps2 * elapsed_s, R(0));
+        const mdk_real speed_mps = larger(R(0), v_mps + a_mps2 * elapsed_s); /* NaN stays NaN */
         /* Arc length at the mean of the present speed and the reference speed of the stage. */
         const mdk_real s = R(0.5) * (speed_mps + x_0[MDK_VX]) * elapsed_s;
         mdk_real ey_m = path[0] + s * (path[1] + s * (path[2] + R(0.5) * road.constant + s * path[3]));

@@ -10,12 +10,14 @@
 #include "mdk_internal.h"
 
 #ifdef MDK_FLOAT
-static const mdk_real VIOLATION = R(2e-5), DEPENDENT = R(1e-5), WRONG_SIGN = R(1e-4);
+static const mdk_real VIOLATION = R(5e-5), LARGEST_ERROR = R(5e-4);
+static const mdk_real DEPENDENT = R(1e-5), WRONG_SIGN = R(1e-4);
 #else
-static const mdk_real VIOLATION = R(1e-9), DEPENDENT = R(1e-14), WRONG_SIGN = R(1e-9);
+static const mdk_real VIOLATION = R(1e-9), LARGEST_ERROR = R(1e-7);
+static const mdk_real DEPENDENT = R(1e-14), WRONG_SIGN = R(1e-9);
 #endif
-/* of a bound, in units of an input's range; of the size of a row of M, squared; of the largest
- * multiplier */
+/* VIOLATION of a bound, in units of an input's range, and what rounding may leave of an active one;
+ * of the size of a row of M, squared; of the largest multiplier */
 
 /* L_inverse of H = L L'. False if H is not positive definite, or not finite. */
 bool mdk_factorise(mdk_qp *qp) {
@@ -117,14 +119,16 @@ static bool remove_row(mdk_qp *qp, int row) {
     return is_independent;
 }
 
-/* The multipliers `wanted` with which all active constraints hold with equality. */
-static void solve_equations(mdk_qp *qp) {
+/* The multipliers `wanted` with which all active constraints hold with equality; `is_correction`: from
+ * how far v is from their bounds. */
+static void solve_equations(mdk_qp *qp, bool is_correction) {
     const int nv = qp->size, count = qp->count;
     for (int i = 0; i < count; i++) {
         mdk_real low, high;
-        value_of(qp, (int)qp->active[i], &low, &high);
+        const mdk_real value = value_of(qp, (int)qp->active[i], &low, &high);
         const mdk_real bound = qp->sign[i] > R(0) ? high : low;
-        qp->wanted[i] = -dot(nv, qp->M + i * nv, qp->work) - qp->sign[i] * bound;
+        qp->wanted[i] = is_correction ? qp->sign[i] * (value - bound)
+                                      : -dot(nv, qp->M + i * nv, qp->work) - qp->sign[i] * bound;
         qp->wanted[i] -= dot(i, qp->D + i * (nv + 1), qp->wanted);
     }
     for (int i = 0; i < count; i++) {
@@ -134,6 +138,9 @@ static void solve_equations(mdk_qp *qp) {
         for (int j = i + 1; j < count; j++) {
             qp->wanted[i] -= qp->D[j * (nv + 1) + i] * qp->wanted[j];
         }
+    }
+    if (is_correction) {
+        add_scaled(count, R(1), qp->multiplier, qp->wanted);
     }
 }
 
@@ -176,6 +183,17 @@ static bool is_active(const mdk_qp *qp, int number) {
         i++;
     }
     return i < qp->count;
+}
+
+/* How far v is from a bound on which it should be: rounding. */
+static mdk_real largest_error(const mdk_qp *qp) {
+    mdk_real largest = R(0);
+    for (int i = 0; i < qp->count; i++) {
+        mdk_real low, high;
+        const mdk_real value = value_of(qp, (int)qp->active[i], &low, &high);
+        largest = larger(largest, fabs(value - (qp->sign[i] > R(0) ? high : low)));
+    }
+    return largest;
 }
 
 /* Number of the constraint that v violates most, beyond the tolerance; -1: none. An active one is
@@ -251,17 +269,18 @@ mdk_status mdk_solve(mdk_qp *qp, int max_iterations) {
         qp->work[i] = dot(i + 1, qp->L_inverse + i * nv, qp->f); /* L^-1 f */
     }
     warm_start(qp);
-    bool is_independent = true;
+    bool is_independent = true, is_correction = false, was_corrected = false;
     while (qp->iterations < max_iterations) {
         qp->iterations++;
         if (is_independent) {
-            solve_equations(qp);
+            solve_equations(qp, is_correction);
         } else {
             find_null_direction(qp);
         }
         const int blocking = move_multipliers(qp, !is_independent);
         if (blocking >= 0) {
             is_independent = remove_row(qp, blocking);
+            is_correction = false;
             continue;
         }
         if (!is_independent) {
@@ -274,8 +293,22 @@ mdk_status mdk_solve(mdk_qp *qp, int max_iterations) {
         }
         mdk_real sign = R(1);
         const int violated = most_violated(qp, &sign);
+        is_correction = false;
         if (violated < 0) {
-            return MDK_SOLVED;
+            const mdk_real error = largest_error(qp);
+            if (error <= (was_corrected ? LARGEST_ERROR : VIOLATION)) {
+                return MDK_SOLVED;
+            }
+            if (was_corrected) {
+                qp->count = 0;
+                return MDK_NUMERICS;
+            }
+            is_correction = was_corrected = true;
+            continue;
+        }
+        if (qp->count > nv) { /* rounding hides that they depend on each other */
+            qp->count = 0;
+            return MDK_NUMERICS;
         }
         is_independent = add(qp, violated, sign);
     }

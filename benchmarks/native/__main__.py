@@ -1,0 +1,140 @@
+"""`python -m benchmarks.native`: the control law in C beside the one in Python, and on targets."""
+
+import shutil
+import tomllib
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Annotated, Any
+
+import cyclopts
+from rich.console import Console
+
+from benchmarks.figures.closed_loop import ROWS, scenario_of
+from benchmarks.native.parity import Comparison, compare
+from benchmarks.native.recorded import Call, record_drive
+from benchmarks.native.situations import random_calls
+from benchmarks.native.targets import Export, Figures
+from rt_controller.contract.figures import require_writable, write_figures
+from rt_controller.model.bundle import Bundle
+from rt_controller.terminal.command_line import run_command
+
+GOALS = Path(__file__).with_name("goals.toml")
+GROWTH = 1.1
+"""of a number of instructions, which is the measured one and no goal"""
+SHORT = ("lane change over 38 m, 80 km/h", "slalom", "stop and go")
+PLANS, FULL_PLANS = 2_000, 20_000
+"""of drives; half as many of random situations"""
+FUZZED, FULL_FUZZED = 2_000, 200_000
+SEED = 1
+EXIT_MISSED = 1
+
+app = cyclopts.App(name="python -m benchmarks.native", version_flags=[])
+
+
+@app.default
+def main(
+    *,
+    model: str = "mdk-net",
+    json: Annotated[Path | None, cyclopts.Parameter(name="--json")] = None,
+    full: bool = False,
+) -> int:
+    """Compare the law in C with the law in Python, and run it on a Cortex-M7 and an ARM64 in QEMU.
+
+    Exit code 1: a figure is beyond its goal in benchmarks/native/goals.toml.
+
+    Args:
+        model: name of a shipped model, or folder of a bundle.
+        json: file for all figures. Those of a tool that is not installed are null.
+        full: ten times as many plans, and a hundred times as many periods of the fuzzing.
+    """
+    require_writable(json)
+    console, bundle = Console(soft_wrap=True, highlight=False), Bundle.load(model)
+    drives = compare(list(_drives(bundle, full)), bundle)
+    plans = (FULL_PLANS if full else PLANS) // 2
+    situations = compare([list(random_calls(bundle, plans, SEED))], bundle)
+    figures: dict[str, Any] = {
+        "model": bundle.name,
+        "drives": _parity(drives),
+        "random": _parity(situations),
+        "times": _times(drives),
+        **_on_targets(bundle, FULL_FUZZED if full else FUZZED, console),
+    }
+    goals = tomllib.loads(GOALS.read_text())
+    largest = dict(_leaves(goals["every"])) | dict(_leaves(goals.get(bundle.name, {})))
+    missed = False
+    for name, value in _leaves(figures):
+        goal = largest.get(name)
+        limit = None if goal is None else goal * (GROWTH if "instructions" in name else 1.0)
+        is_beyond = None not in (limit, value) and value > limit
+        text = f"{value:.3g}" if isinstance(value, float) else f"{value}"
+        goal_text = "" if goal is None else f"  goal {goal:g}{' MISSED' * is_beyond}"
+        console.print(f"{name:<44}{text:>12}{goal_text}")
+        missed |= is_beyond
+    write_figures(json, figures)
+    return EXIT_MISSED if missed else 0
+
+
+def _drives(bundle: Bundle, full: bool) -> Iterator[list[Call]]:
+    """Recorded calls of drives until there are enough plans."""
+    rows = [row for row in ROWS if full or row.name in SHORT]
+    missing = FULL_PLANS if full else PLANS
+    for row in rows:
+        calls = record_drive(bundle, scenario_of(row), row.conditions.get("plant", "own"))
+        yield calls
+        missing -= sum(call.name == "plan" for call in calls)
+        if missing <= 0:
+            return
+
+
+def _parity(found: Comparison) -> dict[str, Any]:
+    pairs = {
+        f"{real}_to_{reference}": found.parity(reference, real)
+        for real in ("double", "float")
+        for reference in ("exact", "python")
+    }
+    return pairs | {real: found.counts(real) for real in ("double", "float")}
+
+
+def _times(found: Comparison) -> dict[str, Any]:
+    times = {name: found.medians_us(name) for name in ("python", "double", "float")}
+    python_us = sum(times["python"].values())
+    return times | {
+        f"{real}_plan_share_of_python": times[real]["plan_median_us"] / python_us
+        for real in ("double", "float")
+    }
+
+
+def _on_targets(bundle: Bundle, fuzzed: int, console: Console) -> dict[str, Figures | None]:
+    """Figures of what the installed tools can run."""
+    found: dict[str, Figures | None] = {}
+    with TemporaryDirectory() as work:
+        export = Export(bundle, Path(work))
+        parts: Mapping[str, tuple[Callable[[], Figures], tuple[str, ...]]] = {
+            "cortex_m7": (export.cortex_m7, ("arm-none-eabi-gcc", "qemu-system-arm")),
+            "aarch64": (
+                lambda: export.aarch64(FUZZED),
+                ("aarch64-linux-gnu-gcc", "qemu-aarch64", "cc"),
+            ),
+            "sanitized": (lambda: export.sanitized(fuzzed), ("cc",)),
+            "objects": (export.objects, ("gcc", "nm")),
+        }
+        for name, (measure, tools) in parts.items():
+            missing = [tool for tool in tools if shutil.which(tool) is None]
+            if missing:
+                console.print(f"{name}: not measured, {', '.join(missing)} is not installed")
+            found[name] = None if missing else measure()
+    return found
+
+
+def _leaves(tree: Mapping[str, Any], path: str = "") -> Iterator[tuple[str, Any]]:
+    """Values of nested tables, with their names joined by points."""
+    for name, value in tree.items():
+        if isinstance(value, Mapping):
+            yield from _leaves(value, f"{path}{name}.")
+        else:
+            yield path + name, value
+
+
+if __name__ == "__main__":
+    run_command(app)

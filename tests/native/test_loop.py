@@ -1,0 +1,38 @@
+"""The control law in C in the loop: `--plan native`."""
+
+import numpy as np
+import pytest
+
+from rt_controller import node, simulate
+from rt_controller.config import ControllerConfig
+from rt_controller.contract.signals import Mode
+from rt_controller.model.bundle import Bundle
+from rt_controller.node import build_planner
+from rt_controller.simulation import car_settings_of, drive_in_lockstep
+
+NATIVE = ControllerConfig(plan="native")
+
+
+@pytest.mark.parametrize("model", ["mdk-net", pytest.param("lti", marks=pytest.mark.nightly)])
+def test_the_law_in_c_drives_the_lane_change_as_the_law_in_python(model):
+    python, native = (simulate(model=model, config=each) for each in (None, NATIVE))
+    assert len(python) == len(native)
+    assert native.stop_cause == "NONE"
+    assert np.abs(native.true_poses - python.true_poses)[:, 1].max() <= 2e-4  # lateral, m
+    assert native.model.endswith("in C")
+
+
+def test_a_first_input_that_piqp_does_not_confirm_stops_the_car(monkeypatch):
+    opened = []
+    open_law = node.open_native_law
+    monkeypatch.setattr(
+        node, "open_native_law", lambda *args: opened.append(open_law(*args)) or opened[0]
+    )
+    bundle = Bundle.load("mdk-net")
+    planner = build_planner(bundle, NATIVE)
+    opened[0].qp["v"] = opened[0].qp["v"] + 0.01  # a copy, which the solver does not write
+    drive = drive_in_lockstep(NATIVE, bundle, planner, car_settings_of())
+    assert drive.stop_cause == "SOLVER_FAILED"
+    assert drive.modes[-1] is Mode.SAFE_STOP
+    assert drive["vx_mps"][0] > 20.0
+    assert drive["vx_mps"][-1] < 0.5
