@@ -18,7 +18,13 @@ from rt_controller.contract.limits import (
     RELEASED_THROTTLE,
     UNDERSTEER_RAD_PER_MPS2,
 )
-from rt_controller.contract.signals import N_INPUTS, PATH_STATES, StateColumn
+from rt_controller.contract.signals import (
+    N_INPUTS,
+    N_STATES,
+    PATH_STATES,
+    StateColumn,
+    VehicleState,
+)
 from rt_controller.contract.timing import HOLD_PLAN_TICKS, PERIOD_S
 from rt_controller.control import estimator, pedals
 from rt_controller.control.eq14 import RELEASED, SLOWEST_MPS, CondensedQp
@@ -28,6 +34,9 @@ from rt_controller.model.dynamics import Step
 from rt_controller.native.network import Network, network_of
 
 Whole = NDArray[np.int32]
+Flags = NDArray[np.bool_]
+MIRROR_SIGNS = VehicleState(1.0, -1.0, -1.0, 1.0, -1.0, -1.0)
+"""of the states when left and right are exchanged"""
 MAX_ITERATIONS = 150
 """of the QP; more than any recorded plan needs by a factor of ten"""
 
@@ -37,14 +46,18 @@ class DynamicsConstants(NamedTuple):
 
     n: int
     m: int
+    even: int
     gains: int
-    linear: int
+    even_gains: int
+    place: Whole
     A: Array
     B: Array
     c: Array
     N: Array
     S: Array
     s0: Array
+    is_odd: Flags
+    is_linear: Flags
     factor: Whole
     has_path: bool
 
@@ -116,17 +129,6 @@ class LawConstants(NamedTuple):
     envelope: EnvelopeConstants
     hold_periods: int
 
-    @property
-    def order(self) -> list[int]:
-        """Columns of psi in the order in which the C code has them."""
-        return order_of(self.dynamics.n, self.dynamics.has_path)
-
-
-def order_of(n: int, has_path: bool) -> list[int]:
-    """Columns of psi (n,): those that follow by kinematics are the last ones."""
-    path = [*range(n)][PATH_STATES] if has_path else []
-    return [*(i for i in range(n) if i not in path), *path]
-
 
 def constants_of(bundle: Bundle, settings: MpcSettings) -> LawConstants:
     """The constants of the MPC with this model and these settings.
@@ -146,12 +148,12 @@ def constants_of(bundle: Bundle, settings: MpcSettings) -> LawConstants:
                 f"drive with the law in Python."
             )
     car = bundle.car or UNNAMED_CAR
-    limits = car.limits
+    limits, network = car.limits, network_of(bundle)
     qp = CondensedQp(bundle, settings.horizon, settings.cost(), None, settings.knots)
     return LawConstants(
         period_s=PERIOD_S,
-        encoder=network_of(bundle),
-        dynamics=_dynamics(bundle),
+        encoder=network,
+        dynamics=_dynamics(bundle, network),
         problem=_problem(qp),
         estimation=EstimationConstants(
             gain=tuple(estimator.GAIN),
@@ -180,26 +182,43 @@ def constants_of(bundle: Bundle, settings: MpcSettings) -> LawConstants:
     )
 
 
-def _dynamics(bundle: Bundle) -> DynamicsConstants:
-    step, movement = Step(bundle), bundle.movement
-    n = bundle.n_observables
-    order = order_of(n, movement is not None)
+def _dynamics(bundle: Bundle, network: Network) -> DynamicsConstants:
+    step, movement, n = Step(bundle), bundle.movement, bundle.n_observables
     S, s0 = step.S, step.s0
     if movement is not None:
         S, s0 = np.vstack([S, movement.S]), np.append(s0, movement.s0)
-        del order[-len(movement.S) :]
+    of_A = np.ones(n, dtype=bool)
+    of_A[PATH_STATES] = movement is None
+    is_odd = np.zeros(n, dtype=bool)
+    if network.latent_signs is not None:
+        is_odd[:N_STATES] = np.array(MIRROR_SIGNS) < 0.0
+        is_odd[N_STATES:] = network.latent_signs < 0.0
+        if step.A[np.ix_(is_odd, ~is_odd)].any() or step.A[np.ix_(~is_odd, is_odd)].any():
+            is_odd[:] = False  # matrices of another origin
+    order = np.lexsort((is_odd, ~of_A))
+    m, even = int(of_A.sum()), int(np.sum(of_A & ~is_odd))
+    rows_are_odd = np.any(S[:, of_A & is_odd], axis=1)
+    # Gains of even observables first; of each kind those whose function is even.
+    acts_on_odd = np.any(step.N[of_A & is_odd], axis=0)
+    gains = np.lexsort((rows_are_odd[: step.count], acts_on_odd))
+    rows = np.append(gains, np.arange(step.count, len(S)))
+    order_of_A = order[:m]
     return DynamicsConstants(
         n=n,
-        m=len(order),
+        m=m,
+        even=even,
         gains=step.count,
-        linear=step.first_saturating,
-        A=step.A[np.ix_(order, order)],
-        B=step.B[order, : N_INPUTS + 1],
-        c=step.c[order],
-        N=step.N[order],
-        S=S[:, order],
-        s0=s0,
-        factor=step.factors.astype(np.int32),
+        even_gains=int(np.sum(~acts_on_odd)),
+        place=np.argsort(order).astype(np.int32),
+        A=step.A[np.ix_(order_of_A, order_of_A)],
+        B=step.B[order_of_A, : N_INPUTS + 1],
+        c=step.c[order_of_A],
+        N=step.N[np.ix_(order_of_A, gains)],
+        S=S[np.ix_(rows, order_of_A)],
+        s0=s0[rows],
+        is_odd=rows_are_odd[rows],
+        is_linear=gains < step.first_saturating,
+        factor=step.factors[gains].astype(np.int32),
         has_path=movement is not None,
     )
 

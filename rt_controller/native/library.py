@@ -147,13 +147,14 @@ def to_c(value: Any, real: Real, kept: list[Any]) -> Any:
     if value is None:
         return ctypes.c_void_p()
     if isinstance(value, np.ndarray):
-        kind = {"f8": real, "f4": ctypes.c_float, "i4": ctypes.c_int}[value.dtype.str[1:]]
+        kinds = {"f8": real, "f4": ctypes.c_float, "i4": ctypes.c_int, "b1": ctypes.c_bool}
+        kind = kinds[value.dtype.str[1:]]
         numbers = np.ascontiguousarray(value, dtype=kind)
         kept.append(numbers)
         return numbers.ctypes.data_as(ctypes.POINTER(kind))
     if isinstance(value, bool | int | float):
-        kinds: dict[type, Any] = {bool: ctypes.c_bool, int: ctypes.c_int, float: real}
-        return kinds[type(value)](value)
+        numeric: dict[type, Any] = {bool: ctypes.c_bool, int: ctypes.c_int, float: real}
+        return numeric[type(value)](value)
     if not hasattr(value, "_fields"):
         if isinstance(value[0], float):
             return (real * len(value))(*value)

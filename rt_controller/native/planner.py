@@ -56,14 +56,13 @@ def open_law(bundle: Bundle, settings: MpcSettings, real: Real = c_double) -> Na
 class NativeObserver:
     """The observer of the law, with the methods of `StateObserver` that the loop needs."""
 
-    def __init__(self, law: NativeLaw, order: Sequence[int]) -> None:
-        """`order` of the columns of psi in C."""
-        self._law, self._order = law, np.argsort(order)
+    def __init__(self, law: NativeLaw) -> None:
+        self._law, self._place = law, law.constants.dynamics.place
 
     @property
     def psi(self) -> Array:
         """(n,), the state that was lifted last."""
-        return self._law.psi[self._order]
+        return self._law.psi[self._place]
 
     def observe(self, state: VehicleState, held: ControlInput) -> VehicleState:
         """As `StateObserver.observe`."""
@@ -92,7 +91,7 @@ class NativePlanner:
         """`law` of this bundle, as of `open_law`."""
         self._bundle, self._law = bundle, law
         self.name = f"{bundle.name} {bundle.sha256[:8]}, in C"
-        self.observer = NativeObserver(self._law, self._law.constants.order)
+        self.observer = NativeObserver(self._law)
         self.inputs = self._law.inputs
         self.solve_ns = 0
         """time of the last plan"""

@@ -7,7 +7,7 @@ import numpy as np
 from rt_controller.native.constants import LawConstants
 
 _PER_LINE = 8
-_KINDS = {"f8": "mdk_real", "f4": "float", "i4": "int"}
+_KINDS = {"f8": "mdk_real", "f4": "float", "i4": "int", "b1": "bool"}
 
 
 def model_source(constants: LawConstants, name: str) -> str:

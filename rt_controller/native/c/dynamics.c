@@ -29,10 +29,12 @@ void mdk_one_step(const mdk_dynamics *model, mdk_real *gains, const mdk_real *ps
     const int m = model->m, q = model->gains;
     const int rows = model->has_path ? q + 3 : q;
     for (int r = 0; r < rows; r++) {
-        gains[r] = dot(m, model->S + r * m, psi) + model->s0[r];
+        const block b = block_of(model->is_odd[r], model->even, m);
+        gains[r] = dot(b.count, model->S + r * m + b.first, psi + b.first) + model->s0[r];
     }
     for (int i = 0; i < m; i++) {
-        following[i] = dot(m, model->A + i * m, psi) + model->c[i] +
+        const block b = block_of(i >= model->even, model->even, m);
+        following[i] = dot(b.count, model->A + i * m + b.first, psi + b.first) + model->c[i] +
                        dot(MDK_SIGNALS, model->B + i * MDK_SIGNALS, inputs);
     }
     if (model->has_path) {
@@ -40,13 +42,14 @@ void mdk_one_step(const mdk_dynamics *model, mdk_real *gains, const mdk_real *ps
     }
     mdk_real *term = following + model->n; /* one more number of work space for each gain */
     for (int r = 0; r < q; r++) {
-        if (r >= model->linear) {
+        if (!model->is_linear[r]) {
             gains[r] = tanh(gains[r]);
         }
         term[r] = gains[r] * factor_of(model, r, inputs);
     }
     for (int i = 0; i < m; i++) {
-        following[i] += dot(q, model->N + i * q, term);
+        const block b = block_of(i >= model->even, model->even_gains, q);
+        following[i] += dot(b.count, model->N + i * q + b.first, term + b.first);
     }
 }
 

@@ -36,7 +36,7 @@ static void choose_nominal_inputs(mdk_controller *c) {
 static void note_states(mdk_controller *c, int knot, int stage, const mdk_real *psi) {
     const mdk_problem *p = &c->model->problem;
     for (int a = 0; a < p->tracked; a++) {
-        const int column = column_of(&c->model->dynamics, p->columns[a]);
+        const int column = c->model->dynamics.place[p->columns[a]];
         c->eq14.x[knot * p->tracked + a] = psi[column];
     }
     if (knot > 0) {
@@ -70,7 +70,7 @@ static void linearise(mdk_controller *c) {
         mdk_one_step(model, c->gains, psi, inputs, following);
         for (int r = 0; r < q; r++) {
             const mdk_real t = c->gains[r];
-            const mdk_real slope = r < model->linear ? R(1) : R(1) - t * t;
+            const mdk_real slope = model->is_linear[r] ? R(1) : R(1) - t * t;
             e->t[k * q + r] = t;
             e->W[k * q + r] = factor_of(model, r, inputs) * slope;
         }
@@ -88,19 +88,23 @@ static void jacobian(mdk_controller *c, int k) {
     const mdk_dynamics *model = &c->model->dynamics;
     mdk_eq14 *e = &c->eq14;
     const int m = model->m, q = model->gains, columns = m + MDK_SIGNALS;
+    mdk_real *N_W = c->gains;
     for (int i = 0; i < m; i++) {
         mdk_real *row = e->J + i * columns;
         copy(m, model->A + i * m, row);
         copy(MDK_SIGNALS, model->B + i * MDK_SIGNALS, row + m);
-        for (int r = 0; r < q; r++) {
-            const mdk_real N = model->N[i * q + r];
-            if (N == R(0)) {
-                continue; /* half of them, in a symmetric model */
+        const block own = block_of(i >= model->even, model->even_gains, q);
+        for (int r = own.first, end = own.first + own.count, next; r < end; r = next) {
+            const bool is_odd = model->is_odd[r]; /* as that of the next ones */
+            for (next = r; next < end && model->is_odd[next] == is_odd; next++) {
+                const mdk_real N = model->N[i * q + next];
+                N_W[next] = N * e->W[k * q + next];
+                if (model->factor[next] < MDK_SIGNALS) {
+                    row[m + model->factor[next]] += N * e->t[k * q + next];
+                }
             }
-            add_scaled(m, N * e->W[k * q + r], model->S + r * m, row);
-            if (model->factor[r] < MDK_SIGNALS) {
-                row[m + model->factor[r]] += N * e->t[k * q + r];
-            }
+            const block b = block_of(is_odd, model->even, m);
+            add_rows(b.count, next - r, N_W + r, model->S + r * m + b.first, m, row + b.first);
         }
     }
 }
@@ -112,11 +116,7 @@ static void times_jacobian(mdk_controller *c, int k, mdk_real *y) {
     const int m = model->m, columns = m + MDK_SIGNALS;
     mdk_real *found = e->y; /* (m + 4) */
     set_zero(columns, found);
-    for (int i = 0; i < m; i++) {
-        if (y[i] != R(0)) {
-            add_scaled(columns, y[i], e->J + i * columns, found);
-        }
-    }
+    add_rows(columns, m, y, e->J, columns, found);
     if (model->has_path) {
         const mdk_real *to_ey = e->path + k * 12, *to_epsi = to_ey + 6;
         const mdk_real ey = y[m + 1], epsi = y[m + 2];
@@ -124,9 +124,7 @@ static void times_jacobian(mdk_controller *c, int k, mdk_real *y) {
         for (int i = 0; i < 6; i++) {
             by[i] = ey * to_ey[i] + epsi * to_epsi[i];
         }
-        for (int i = 0; i < 3; i++) {
-            add_scaled(m, by[i], model->S + (model->gains + i) * m, found);
-        }
+        add_rows(m, 3, by, model->S + model->gains * m, m, found);
         y[m] = R(0);
         y[m + 1] = by[3];
         y[m + 2] = by[4];
@@ -147,7 +145,7 @@ static void propagate(mdk_controller *c) {
     set_zero((K + 1) * s * row, e->Y);
     for (int i = 0; i <= K; i++) {
         for (int a = 0; a < s; a++) {
-            e->Y[(i * s + a) * row + column_of(model, p->columns[a])] = R(1);
+            e->Y[(i * s + a) * row + model->place[p->columns[a]]] = R(1);
         }
     }
     int first = K + 1; /* of the knots behind stage k */

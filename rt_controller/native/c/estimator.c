@@ -44,7 +44,7 @@ void mdk_estimate(mdk_controller *c, const mdk_real measured[MDK_STATES],
     e->is_advanced = false;
     mdk_real predicted[MDK_STATES];
     for (int i = 0; i < MDK_STATES; i++) {
-        predicted[i] = e->psi[e->newest * model->n + column_of(model, i)] + e->disturbance[i];
+        predicted[i] = e->psi[e->newest * model->n + model->place[i]] + e->disturbance[i];
     }
     correct(c, predicted, 0, MDK_EY, x_0);
     const mdk_real period_s = c->model->period_s;
@@ -128,7 +128,7 @@ void mdk_assume_steady(mdk_controller *c, const mdk_real state[MDK_STATES], mdk_
     }
     mdk_real error[MDK_STATES], found[MDK_STATES];
     for (int i = 0; i < MDK_STATES; i++) {
-        error[i] = state[i] - c->eq14.psi_0[column_of(model, i)];
+        error[i] = state[i] - c->eq14.psi_0[model->place[i]];
     }
     const mdk_real period_s = c->model->period_s;
     const mdk_real turned_rad = heading_change_rad(state, state, kappa, period_s);
@@ -160,7 +160,7 @@ void mdk_advance(mdk_controller *c, const mdk_real acting[MDK_INPUTS]) {
         const mdk_real *oldest = e->psi + e->newest * n; /* its place is taken now */
         mdk_real error[MDK_STATES], found[MDK_STATES];
         for (int i = 0; i < MDK_STATES; i++) {
-            const int column = column_of(model, i);
+            const int column = model->place[i];
             error[i] = c->psi[column] - oldest[column];
         }
         cause(c->model, error, c->psi[MDK_VX], found);

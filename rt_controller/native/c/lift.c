@@ -67,7 +67,8 @@ static void add_function(mdk_controller *c, mdk_real share, const float *latent_
                 }
             }
         }
-        c->latents[i] += (latent_signs != NULL ? latent_signs[i] : R(1)) * share * latent;
+        mdk_real *found = c->psi + c->model->dynamics.place[MDK_STATES + i];
+        *found += (latent_signs != NULL ? latent_signs[i] : R(1)) * share * latent;
     }
 }
 
@@ -77,7 +78,7 @@ void mdk_lift(mdk_controller *c, const mdk_real x_0[MDK_STATES], mdk_real kappa)
     const mdk_dynamics *model = &c->model->dynamics;
     c->kappa = kappa;
     for (int i = 0; i < MDK_STATES; i++) {
-        c->psi[column_of(model, i)] = x_0[i];
+        c->psi[model->place[i]] = x_0[i];
     }
     if (net->latents == 0) {
         return;
@@ -89,8 +90,9 @@ void mdk_lift(mdk_controller *c, const mdk_real x_0[MDK_STATES], mdk_real kappa)
     for (int i = net->present; i < size; i++) { /* float, as the network in Python has them */
         c->signals[i] = (float)c->history[i - net->present];
     }
-    c->latents = c->psi + (model->has_path ? MDK_DS : MDK_STATES);
-    set_zero(net->latents, c->latents);
+    for (int i = 0; i < net->latents; i++) {
+        c->psi[model->place[MDK_STATES + i]] = R(0);
+    }
     if (net->signs == NULL) {
         add_function(c, R(1), NULL);
         return;

@@ -68,19 +68,25 @@ typedef struct {
 /* psi+ = A psi + B [u; kappa] + c + N (t f), t = tanh(S psi + s0), or S psi + s0 if it is linear. The
  * factor f of a gain is an input, kappa or 1.
  *
- * psi has `n` observables, the first `m` of which follow from A. If `has_path`, the path states
- * follow by kinematics from the movement of the car, which is S psi + s0 too (metres ahead and to the
- * left, radians turned), and psi = [v_x, v_y, yaw rate; latents; 1; ds, e_y, e_psi] with m = n - 3.
- * Otherwise psi = [x; latents; 1] with m = n. */
+ * psi has `n` observables, the first `m` of which follow from A. If `has_path`, the path states are the
+ * last three, and follow by kinematics from the movement of the car, which is S psi + s0 too (metres
+ * ahead and to the left, radians turned).
+ *
+ * In a symmetric model the first `even` observables are even when left and right are exchanged, the
+ * others odd. A has two blocks, the first `even_gains` act on the even ones, and a row of S has the
+ * even or the odd columns. Any other model has even observables only. */
 typedef struct {
-    int n, m;
-    int gains, linear; /* number of gains; the first `linear` of them are */
+    int n, m, even;
+    int gains, even_gains;
+    const int *place;       /* [n], in psi, of x and of the latents */
     const mdk_real *A;      /* [m][m] */
     const mdk_real *B;      /* [m][4] */
     const mdk_real *c;      /* [m] */
     const mdk_real *N;      /* [m][gains] */
     const mdk_real *S;      /* [gains + 3][m]; the movement last, if has_path */
     const mdk_real *s0;     /* [gains + 3] */
+    const bool *is_odd;     /* [gains + 3], of the rows of S */
+    const bool *is_linear;  /* [gains] */
     const int *factor;      /* [gains], 0..4 of [u; kappa; 1] */
     bool has_path;
 } mdk_dynamics;

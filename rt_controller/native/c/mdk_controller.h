@@ -64,7 +64,7 @@ typedef struct {
     mdk_real *history; /* [H][6], oldest first */
     mdk_real present[MDK_STATES];
     bool has_present;
-    mdk_real *signals, *layer[2], *latents; /* work space of the network */
+    mdk_real *signals, *layer[2]; /* work space of the network */
     mdk_real *psi;                          /* [n], the state that was lifted last */
     mdk_real *gains;                        /* [gains + 3] */
     mdk_real kappa;                         /* of the road in the last period */

@@ -45,6 +45,23 @@ static inline void add_scaled(int n, mdk_real a, const mdk_real *x, mdk_real *y)
     }
 }
 
+/* y += sum over r of a_r x_r, of rows x_r that are `stride` apart. Four rows at once: then y is read and
+ * written once for them. */
+static inline void add_rows(int n, int count, const mdk_real *a, const mdk_real *x, int stride,
+                            mdk_real *y) {
+    int r = 0;
+    for (; r + 4 <= count; r += 4, x += 4 * stride) {
+        const mdk_real a0 = a[r], a1 = a[r + 1], a2 = a[r + 2], a3 = a[r + 3];
+        const mdk_real *x1 = x + stride, *x2 = x1 + stride, *x3 = x2 + stride;
+        for (int i = 0; i < n; i++) {
+            y[i] += (a0 * x[i] + a1 * x1[i]) + (a2 * x2[i] + a3 * x3[i]);
+        }
+    }
+    for (; r < count; r++, x += stride) {
+        add_scaled(n, a[r], x, y);
+    }
+}
+
 /* Four sums, so that additions do not wait for each other. */
 static inline mdk_real dot(int n, const mdk_real *x, const mdk_real *y) {
     mdk_real a = R(0), b = R(0), c = R(0), d = R(0);
@@ -61,10 +78,13 @@ static inline mdk_real dot(int n, const mdk_real *x, const mdk_real *y) {
     return (a + b) + (c + d);
 }
 
-/* Index of a state in psi. */
-static inline int column_of(const mdk_dynamics *model, int state) {
-    const bool is_path = state >= MDK_DS;
-    return model->has_path && is_path ? model->m + state - MDK_DS : state;
+/* Columns of A that a row has, or of S, or of N: those of its kind. */
+typedef struct {
+    int first, count;
+} block;
+
+static inline block block_of(bool is_odd, int even, int all) {
+    return is_odd ? (block){even, all - even} : (block){0, even};
 }
 
 /* What a gain is multiplied by. */
