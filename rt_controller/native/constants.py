@@ -48,7 +48,7 @@ class DynamicsConstants(NamedTuple):
     m: int
     even: int
     gains: int
-    even_gains: int
+    parts: tuple[int, ...]
     place: Whole
     A: Array
     B: Array
@@ -200,7 +200,8 @@ def _dynamics(bundle: Bundle, network: Network) -> DynamicsConstants:
     rows_are_odd = np.any(S[:, of_A & is_odd], axis=1)
     # Gains of even observables first; of each kind those whose function is even.
     acts_on_odd = np.any(step.N[of_A & is_odd], axis=0)
-    gains = np.lexsort((rows_are_odd[: step.count], acts_on_odd))
+    kind = 2 * acts_on_odd + rows_are_odd[: step.count]
+    gains = np.argsort(kind, kind="stable")
     rows = np.append(gains, np.arange(step.count, len(S)))
     order_of_A = order[:m]
     return DynamicsConstants(
@@ -208,7 +209,7 @@ def _dynamics(bundle: Bundle, network: Network) -> DynamicsConstants:
         m=m,
         even=even,
         gains=step.count,
-        even_gains=int(np.sum(~acts_on_odd)),
+        parts=(0, *np.cumsum(np.bincount(kind, minlength=4)).tolist()),
         place=np.argsort(order).astype(np.int32),
         A=step.A[np.ix_(order_of_A, order_of_A)],
         B=step.B[order_of_A, : N_INPUTS + 1],

@@ -156,8 +156,9 @@ def to_c(value: Any, real: Real, kept: list[Any]) -> Any:
         numeric: dict[type, Any] = {bool: ctypes.c_bool, int: ctypes.c_int, float: real}
         return numeric[type(value)](value)
     if not hasattr(value, "_fields"):
-        if isinstance(value[0], float):
-            return (real * len(value))(*value)
+        if isinstance(value[0], int | float):
+            kind = real if isinstance(value[0], float) else ctypes.c_int
+            return (kind * len(value))(*value)
         structs = [to_c(each, real, kept) for each in value]
         # Structs of the same fields have one layout, and C sees their bytes only.
         array = ctypes.create_string_buffer(b"".join(bytes(each) for each in structs))

@@ -48,7 +48,7 @@ void mdk_one_step(const mdk_dynamics *model, mdk_real *gains, const mdk_real *ps
         term[r] = gains[r] * factor_of(model, r, inputs);
     }
     for (int i = 0; i < m; i++) {
-        const block b = block_of(i >= model->even, model->even_gains, q);
+        const block b = block_of(i >= model->even, model->parts[2], q);
         following[i] += dot(b.count, model->N + i * q + b.first, term + b.first);
     }
 }

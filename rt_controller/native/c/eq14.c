@@ -83,42 +83,37 @@ static void linearise(mdk_controller *c) {
     }
 }
 
-/* J [m][m + 4] of stage k: by the observables that follow from A, then by [u; kappa]. */
+/* J [m][m + 5] of stage k: by the observables that follow from A, then by [u; kappa; 1]. */
 static void jacobian(mdk_controller *c, int k) {
     const mdk_dynamics *model = &c->model->dynamics;
     mdk_eq14 *e = &c->eq14;
-    const int m = model->m, q = model->gains, columns = m + MDK_SIGNALS;
+    const int m = model->m, even = model->even, q = model->gains, columns = m + MDK_SIGNALS + 1;
     mdk_real *N_W = c->gains;
     for (int i = 0; i < m; i++) {
         mdk_real *row = e->J + i * columns;
         copy(m, model->A + i * m, row);
         copy(MDK_SIGNALS, model->B + i * MDK_SIGNALS, row + m);
-        const block own = block_of(i >= model->even, model->even_gains, q);
-        for (int r = own.first, end = own.first + own.count, next; r < end; r = next) {
-            const bool is_odd = model->is_odd[r]; /* as that of the next ones */
-            for (next = r; next < end && model->is_odd[next] == is_odd; next++) {
-                const mdk_real N = model->N[i * q + next];
-                N_W[next] = N * e->W[k * q + next];
-                if (model->factor[next] < MDK_SIGNALS) {
-                    row[m + model->factor[next]] += N * e->t[k * q + next];
-                }
-            }
-            const block b = block_of(is_odd, model->even, m);
-            add_rows(b.count, next - r, N_W + r, model->S + r * m + b.first, m, row + b.first);
+        row[columns - 1] = R(0);
+        const mdk_real *N = model->N + i * q, *W = e->W + k * q, *t = e->t + k * q;
+        const int *part = model->parts + (i >= model->even ? 2 : 0);
+        for (int r = part[0]; r < part[2]; r++) {
+            N_W[r] = N[r] * W[r];
+            row[m + model->factor[r]] += N[r] * t[r];
+        }
+        for (int is_odd = 0; is_odd < 2; is_odd++) {
+            const int r = part[is_odd], first = is_odd ? even : 0, last = is_odd ? m : even;
+            add_rows(last - first, part[is_odd + 1] - r, N_W + r, model->S + r * m + first, m,
+                     row + first);
         }
     }
 }
 
-/* y <- y J_k of one row y (n), and the derivatives (4) by [u; kappa] behind it. */
-static void times_jacobian(mdk_controller *c, int k, mdk_real *y) {
+/* The same through the path, and y from what was found for it (m + 4). */
+static void finish_row(const mdk_controller *c, int k, mdk_real *y, mdk_real *found) {
     const mdk_dynamics *model = &c->model->dynamics;
-    mdk_eq14 *e = &c->eq14;
-    const int m = model->m, columns = m + MDK_SIGNALS;
-    mdk_real *found = e->y; /* (m + 4) */
-    set_zero(columns, found);
-    add_rows(columns, m, y, e->J, columns, found);
+    const int m = model->m;
     if (model->has_path) {
-        const mdk_real *to_ey = e->path + k * 12, *to_epsi = to_ey + 6;
+        const mdk_real *to_ey = c->eq14.path + k * 12, *to_epsi = to_ey + 6;
         const mdk_real ey = y[m + 1], epsi = y[m + 2];
         mdk_real by[6];
         for (int i = 0; i < 6; i++) {
@@ -132,6 +127,22 @@ static void times_jacobian(mdk_controller *c, int k, mdk_real *y) {
     }
     copy(m, found, y);
     copy(MDK_SIGNALS, found + m, y + model->n);
+}
+
+/* y <- y J_k of one or two rows y (n), and the derivatives (4) by [u; kappa] behind each. */
+static void times_jacobian(mdk_controller *c, int k, int rows, mdk_real *y) {
+    const mdk_dynamics *model = &c->model->dynamics;
+    const int m = model->m, columns = m + MDK_SIGNALS, row = model->n + MDK_SIGNALS;
+    mdk_real *found = c->eq14.y;
+    set_zero(2 * columns, found);
+    if (rows == 2) {
+        add_rows_twice(columns, m, y, y + row, c->eq14.J, columns + 1, found, found + columns);
+    } else {
+        add_rows(columns, m, y, c->eq14.J, columns + 1, found);
+    }
+    for (int i = 0; i < rows; i++) {
+        finish_row(c, k, y + i * row, found + i * columns);
+    }
 }
 
 /* Derivatives of the tracked states at the knots, by the adjoint equation y' <- y' J_k. */
@@ -156,17 +167,17 @@ static void propagate(mdk_controller *c) {
         mdk_real share;
         const int j = mdk_knot_of(p, k, &share);
         jacobian(c, k);
-        for (int i = first; i <= K; i++) {
-            for (int a = 0; a < s; a++) {
-                mdk_real *y = e->Y + (i * s + a) * row, *by_u = y + n;
-                times_jacobian(c, k, y);
-                mdk_real *by = e->by_input + ((i * s + a) * K + j) * MDK_INPUTS;
-                add_scaled(MDK_INPUTS, R(1) - share, by_u, by);
-                if (share > R(0)) {
-                    add_scaled(MDK_INPUTS, share, by_u, by + MDK_INPUTS);
-                }
-                e->by_kappa[i * s + a] += by_u[MDK_INPUTS];
+        for (int i = first * s; i < (K + 1) * s; i += 2) {
+            times_jacobian(c, k, i + 1 < (K + 1) * s ? 2 : 1, e->Y + i * row);
+        }
+        for (int i = first * s; i < (K + 1) * s; i++) {
+            const mdk_real *by_u = e->Y + i * row + n;
+            mdk_real *by = e->by_input + (i * K + j) * MDK_INPUTS;
+            add_scaled(MDK_INPUTS, R(1) - share, by_u, by);
+            if (share > R(0)) {
+                add_scaled(MDK_INPUTS, share, by_u, by + MDK_INPUTS);
             }
+            e->by_kappa[i] += by_u[MDK_INPUTS];
         }
     }
 }
@@ -217,12 +228,17 @@ bool mdk_update_matrices(mdk_controller *c) {
             output(c, i, b, e->x, 1, 1, e->constant + row);
             e->constant[row] -= dot(nv, Gamma, e->u_nominal) + dot(n, Phi, e->psi_0) +
                                 e->g[row] * e->kappa;
-            for (int j = 0; j < nv; j++) {
-                Gamma[j] *= p->range[j % MDK_INPUTS];
+            for (int j = 0, input = 0; j < nv; j++, input = input < MDK_STEER ? input + 1 : 0) {
+                Gamma[j] *= p->range[input];
             }
-            for (int j = 0; j < acting; j++) {
-                add_scaled(j + 1, p->Q[row] * Gamma[j], Gamma, qp->H + j * nv);
+        }
+        const mdk_real *Gamma = e->Gamma + (i - 1) * outputs * nv, *Q = p->Q + (i - 1) * outputs;
+        for (int j = 0; j < acting; j++) {
+            mdk_real Q_Gamma[MDK_STATES];
+            for (int b = 0; b < outputs; b++) {
+                Q_Gamma[b] = Q[b] * Gamma[b * nv + j];
             }
+            add_rows(j + 1, outputs, Q_Gamma, Gamma, nv, qp->H + j * nv);
         }
     }
     return mdk_factorise(qp);

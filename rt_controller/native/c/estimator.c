@@ -59,30 +59,19 @@ void mdk_estimate(mdk_controller *c, const mdk_real measured[MDK_STATES],
 /* Deviation of the states that is left after some periods of a constant disturbance, and sums of the
  * kept shares: those of v_y and yaw rate fade; the yaw rate turns the car, heading and v_y move it
  * sideways. */
-typedef struct {
-    mdk_real first[MDK_STATES], second[MDK_STATES], third[MDK_STATES];
-} sums;
-
-static sums response(const mdk_model *model, int periods) {
-    sums found;
-    mdk_real power[MDK_STATES];
-    for (int i = 0; i < MDK_STATES; i++) {
-        found.first[i] = found.second[i] = found.third[i] = R(0);
-        power[i] = R(1);
-    }
-    for (int k = 0; k < periods; k++) {
+void mdk_respond(const mdk_model *model, int periods, mdk_response *r) {
+    for (; r->periods < periods; r->periods++) {
         for (int i = 0; i < MDK_STATES; i++) {
-            found.third[i] += model->period_s * found.second[i];
-            found.second[i] += model->period_s * found.first[i];
-            found.first[i] += power[i];
-            power[i] *= model->estimation.kept[i];
+            r->third[i] += model->period_s * r->second[i];
+            r->second[i] += model->period_s * r->first[i];
+            /* 1 + kept + kept^2 + ... */
+            r->first[i] = R(1) + model->estimation.kept[i] * r->first[i];
         }
     }
-    return found;
 }
 
-static void deviation_of(const sums *r, const mdk_real d[MDK_STATES], mdk_real vx_mps,
-                         mdk_real found[MDK_STATES]) {
+void mdk_deviation(const mdk_response *r, const mdk_real d[MDK_STATES], mdk_real vx_mps,
+                   mdk_real found[MDK_STATES]) {
     for (int i = 0; i < MDK_STATES; i++) {
         found[i] = r->first[i] * d[i];
     }
@@ -92,16 +81,11 @@ static void deviation_of(const sums *r, const mdk_real d[MDK_STATES], mdk_real v
     found[MDK_EY] += r->second[MDK_VY] * d[MDK_VY] + vx_mps * turned;
 }
 
-void mdk_deviation(const mdk_model *model, const mdk_real disturbance[MDK_STATES], int periods,
-                   mdk_real vx_mps, mdk_real found[MDK_STATES]) {
-    const sums r = response(model, periods);
-    deviation_of(&r, disturbance, vx_mps, found);
-}
-
 /* The disturbance of which a deviation is left after ten periods. */
 static void cause(const mdk_model *model, const mdk_real deviation[MDK_STATES], mdk_real vx_mps,
                   mdk_real found[MDK_STATES]) {
-    const sums r = response(model, MDK_BEGUN);
+    mdk_response r = NO_RESPONSE;
+    mdk_respond(model, MDK_BEGUN, &r);
     for (int i = 0; i < MDK_STATES; i++) {
         found[i] = deviation[i] / larger(r.first[i], R(1));
     }
@@ -109,7 +93,7 @@ static void cause(const mdk_model *model, const mdk_real deviation[MDK_STATES], 
     static const int places[2] = {MDK_EPSI, MDK_EY};
     for (int i = 0; i < 2; i++) {
         mdk_real explained[MDK_STATES];
-        deviation_of(&r, found, vx_mps, explained);
+        mdk_deviation(&r, found, vx_mps, explained);
         const int place = places[i];
         found[place] = (deviation[place] - explained[place]) / r.first[place];
     }

@@ -73,11 +73,13 @@ typedef struct {
  * ahead and to the left, radians turned).
  *
  * In a symmetric model the first `even` observables are even when left and right are exchanged, the
- * others odd. A has two blocks, the first `even_gains` act on the even ones, and a row of S has the
- * even or the odd columns. Any other model has even observables only. */
+ * others odd. A has two blocks, and a row of S has the even or the odd columns. Any other model has
+ * even observables only. */
 typedef struct {
     int n, m, even;
-    int gains, even_gains;
+    int gains;
+    int parts[5]; /* gains that act on even observables: from parts[0] with an even function, from
+                   * parts[1] with an odd one; from parts[2] and parts[3] those that act on odd ones */
     const int *place;       /* [n], in psi, of x and of the latents */
     const mdk_real *A;      /* [m][m] */
     const mdk_real *B;      /* [m][4] */

@@ -25,6 +25,7 @@ typedef struct {
     mdk_real *M;            /* [nv + 1][nv], rows sign L^-1 c of the active constraints c */
     mdk_real *D;            /* [nv + 1][nv + 1], factor L D L' of M M': L below, D on the diagonal */
     mdk_real *wanted, *work; /* [nv + 1] */
+    mdk_real *level;         /* [nv + 1], -M L^-1 f */
 } mdk_qp;
 
 /* The model along the nominal inputs, and what eq. (14) is made of. s: tracked states, p: outputs. */
@@ -37,9 +38,9 @@ typedef struct {
     mdk_real *length_m;              /* [K + 1], of the interval that ends at each knot */
     mdk_real *W, *t;                 /* [N][gains], slopes and values of the gains */
     mdk_real *path;                  /* [N][2][6], derivatives of e_y and e_psi */
-    mdk_real *J;                     /* [m][m + 4] of one stage */
+    mdk_real *J;                     /* [m][m + 5] of one stage */
     mdk_real *Y;                     /* [K + 1][s][n + 4], derivatives of the states at the knots */
-    mdk_real *y;                     /* [n + 4] */
+    mdk_real *y;                     /* [2][m + 4] */
     mdk_real *by_input;              /* [K + 1][s][K][3] by the inputs at the knots */
     mdk_real *by_kappa;              /* [K + 1][s] */
     mdk_real *Gamma;                 /* [K p][nv] */

@@ -46,20 +46,41 @@ static inline void add_scaled(int n, mdk_real a, const mdk_real *x, mdk_real *y)
 }
 
 /* y += sum over r of a_r x_r, of rows x_r that are `stride` apart. Four rows at once: then y is read and
- * written once for them. */
+ * written once for them. Missing rows have the coefficient 0. */
 static inline void add_rows(int n, int count, const mdk_real *a, const mdk_real *x, int stride,
                             mdk_real *y) {
-    int r = 0;
-    for (; r + 4 <= count; r += 4, x += 4 * stride) {
-        const mdk_real a0 = a[r], a1 = a[r + 1], a2 = a[r + 2], a3 = a[r + 3];
-        const mdk_real *x1 = x + stride, *x2 = x1 + stride, *x3 = x2 + stride;
+    for (int r = 0; r < count; r += 4, x += 4 * stride) {
+        const int left = count - r;
+        if (left == 1) {
+            add_scaled(n, a[r], x, y);
+            return;
+        }
+        const mdk_real a0 = a[r], a1 = a[r + 1];
+        const mdk_real a2 = left > 2 ? a[r + 2] : R(0), a3 = left > 3 ? a[r + 3] : R(0);
+        const mdk_real *x1 = x + stride, *x2 = left > 2 ? x1 + stride : x;
+        const mdk_real *x3 = left > 3 ? x2 + stride : x;
         for (int i = 0; i < n; i++) {
             y[i] += (a0 * x[i] + a1 * x1[i]) + (a2 * x2[i] + a3 * x3[i]);
         }
     }
-    for (; r < count; r++, x += stride) {
-        add_scaled(n, a[r], x, y);
+}
+
+/* The same of two sums y, z with coefficients a, b: the rows are read once for both. */
+static inline void add_rows_twice(int n, int count, const mdk_real *a, const mdk_real *b,
+                                  const mdk_real *x, int stride, mdk_real *y, mdk_real *z) {
+    int r = 0;
+    for (; r + 4 <= count; r += 4, x += 4 * stride) {
+        const mdk_real a0 = a[r], a1 = a[r + 1], a2 = a[r + 2], a3 = a[r + 3];
+        const mdk_real b0 = b[r], b1 = b[r + 1], b2 = b[r + 2], b3 = b[r + 3];
+        const mdk_real *x1 = x + stride, *x2 = x1 + stride, *x3 = x2 + stride;
+        for (int i = 0; i < n; i++) {
+            const mdk_real c0 = x[i], c1 = x1[i], c2 = x2[i], c3 = x3[i];
+            y[i] += (a0 * c0 + a1 * c1) + (a2 * c2 + a3 * c3);
+            z[i] += (b0 * c0 + b1 * c1) + (b2 * c2 + b3 * c3);
+        }
     }
+    add_rows(n, count - r, a + r, x, stride, y);
+    add_rows(n, count - r, b + r, x, stride, z);
 }
 
 /* Four sums, so that additions do not wait for each other. */
@@ -108,8 +129,14 @@ void mdk_path_derivatives(const mdk_real moved[3], const mdk_real before[3],
 void mdk_estimate(mdk_controller *c, const mdk_real measured[MDK_STATES],
                   mdk_real x_0[MDK_STATES]);
 void mdk_advance(mdk_controller *c, const mdk_real acting[MDK_INPUTS]);
-void mdk_deviation(const mdk_model *model, const mdk_real disturbance[MDK_STATES], int periods,
-                   mdk_real vx_mps, mdk_real found[MDK_STATES]);
+typedef struct {
+    int periods;
+    mdk_real first[MDK_STATES], second[MDK_STATES], third[MDK_STATES];
+} mdk_response;
+#define NO_RESPONSE {0, {R(0)}, {R(0)}, {R(0)}}
+void mdk_respond(const mdk_model *model, int periods, mdk_response *r);
+void mdk_deviation(const mdk_response *r, const mdk_real d[MDK_STATES], mdk_real vx_mps,
+                   mdk_real found[MDK_STATES]);
 
 /* mpc.c */
 void mdk_step_ahead(mdk_controller *c, const mdk_real input[MDK_INPUTS]);

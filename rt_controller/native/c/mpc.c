@@ -37,9 +37,9 @@ static int share_memory(mdk_controller *c, const mdk_model *model, mdk_real *mem
     e->W = take(memory, &used, N * d->gains);
     e->t = take(memory, &used, N * d->gains);
     e->path = take(memory, &used, d->has_path ? N * 12 : 0);
-    e->J = take(memory, &used, m * (m + MDK_SIGNALS));
+    e->J = take(memory, &used, m * (m + MDK_SIGNALS + 1));
     e->Y = take(memory, &used, (K + 1) * s * (n + MDK_SIGNALS));
-    e->y = take(memory, &used, m + MDK_SIGNALS);
+    e->y = take(memory, &used, 2 * (m + MDK_SIGNALS));
     e->by_input = take(memory, &used, (K + 1) * s * nv);
     e->by_kappa = take(memory, &used, (K + 1) * s);
     e->Gamma = take(memory, &used, rows * nv);
@@ -54,7 +54,7 @@ static int share_memory(mdk_controller *c, const mdk_model *model, mdk_real *mem
     mdk_real **const vectors[] = {
         &qp->f,         &qp->v,      &qp->lower, &qp->upper,      &qp->row_lower,
         &qp->row_upper, &qp->active, &qp->sign,  &qp->multiplier, &qp->wanted,
-        &qp->work,
+        &qp->work,      &qp->level,
     };
     for (size_t i = 0; i < sizeof matrices / sizeof matrices[0]; i++) {
         *matrices[i] = take(memory, &used, (nv + 1) * (nv + 1));

@@ -34,6 +34,7 @@ void mdk_expand(const mdk_controller *c, const mdk_situation *now, const mdk_rea
                 mdk_real *x_r) {
     const mdk_problem *p = &c->model->problem;
     const turn road = turn_of(now);
+    mdk_response response = NO_RESPONSE;
     const mdk_real *path = now->path, v_mps = path[4], a_mps2 = path[5];
     for (int i = 0; i <= p->knots; i++) {
         const int stage = i < p->knots ? p->stages[i] : p->horizon;
@@ -53,7 +54,8 @@ void mdk_expand(const mdk_controller *c, const mdk_situation *now, const mdk_rea
             curvature += road.slope[j] * ramp;
         }
         mdk_real disturbed[MDK_STATES];
-        mdk_deviation(c->model, c->estimator.disturbance, periods, x_0[MDK_VX], disturbed);
+        mdk_respond(c->model, periods, &response);
+        mdk_deviation(&response, c->estimator.disturbance, x_0[MDK_VX], disturbed);
         const mdk_real x[MDK_STATES] = {
             speed_mps, R(0), speed_mps * curvature, speed_mps * c->model->period_s,
             ey_m, atan(slope),

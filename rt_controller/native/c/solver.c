@@ -101,6 +101,7 @@ static bool add(mdk_qp *qp, int number, mdk_real sign) {
     qp->active[row] = R(number);
     qp->sign[row] = sign;
     qp->multiplier[row] = R(0);
+    qp->level[row] = -dot(nv, M, qp->work);
     return factorise_row(qp, row);
 }
 
@@ -113,6 +114,7 @@ static bool remove_row(mdk_qp *qp, int row) {
         qp->active[i] = qp->active[i + 1];
         qp->sign[i] = qp->sign[i + 1];
         qp->multiplier[i] = qp->multiplier[i + 1];
+        qp->level[i] = qp->level[i + 1];
         copy(nv, qp->M + (i + 1) * nv, qp->M + i * nv);
         is_independent = factorise_row(qp, i);
     }
@@ -128,7 +130,7 @@ static void solve_equations(mdk_qp *qp, bool is_correction) {
         const mdk_real value = value_of(qp, (int)qp->active[i], &low, &high);
         const mdk_real bound = qp->sign[i] > R(0) ? high : low;
         qp->wanted[i] = is_correction ? qp->sign[i] * (value - bound)
-                                      : -dot(nv, qp->M + i * nv, qp->work) - qp->sign[i] * bound;
+                                      : qp->level[i] - qp->sign[i] * bound;
         qp->wanted[i] -= dot(i, qp->D + i * (nv + 1), qp->wanted);
     }
     for (int i = 0; i < count; i++) {
@@ -160,21 +162,19 @@ static void find_null_direction(mdk_qp *qp) {
 /* v = -L^-T (L^-1 f + M' lambda). False if it is not finite. */
 static bool find_inputs(mdk_qp *qp) {
     const int nv = qp->size;
-    mdk_real *z = qp->v; /* each number is used before it is replaced */
-    bool is_finite = true;
+    mdk_real *z = qp->wanted, sum = R(0);
     copy(nv, qp->work, z);
-    for (int i = 0; i < qp->count; i++) {
-        add_scaled(nv, qp->multiplier[i], qp->M + i * nv, z);
+    add_rows(nv, qp->count, qp->multiplier, qp->M, nv, z);
+    set_zero(nv, qp->v);
+    for (int i = 0; i < nv; i += 4) { /* rows of L^-1 end on its diagonal */
+        const int rows = i + 4 < nv ? 4 : nv - i;
+        add_rows(i + rows, rows, z + i, qp->L_inverse + i * nv, nv, qp->v);
     }
-    for (int j = 0; j < nv; j++) {
-        mdk_real sum = R(0);
-        for (int i = j; i < nv; i++) {
-            sum -= qp->L_inverse[i * nv + j] * z[i];
-        }
-        z[j] = sum;
-        is_finite = is_finite && isfinite(sum);
+    for (int i = 0; i < nv; i++) {
+        qp->v[i] = -qp->v[i];
+        sum += qp->v[i];
     }
-    return is_finite;
+    return isfinite(sum);
 }
 
 static bool is_active(const mdk_qp *qp, int number) {
