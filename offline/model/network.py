@@ -27,7 +27,6 @@ from offline.model.observables import (
     Observables,
     Sizes,
     alternating,
-    is_symmetric,
     observables_of,
     signs_of,
 )
@@ -109,14 +108,17 @@ class MdkNet(nn.Module):
         self.observables = observables_of(config, sizes)
         self.has_constant = config.constant_observable
         has_path = self.observables.has_path
-        self.path = Path(self.observables, sizes.dt_s, units) if has_path else None
+        self._signs = signs_of(config, sizes)
+        self.is_symmetric = self._signs is not None and sizes.is_symmetric
+        self.path = None
+        if has_path:
+            self.path = Path(self.observables, sizes.dt_s, units, self.is_symmetric)
         # The motion does not depend on the road, whose curvature is the first exogenous signal.
         self.reads_exogenous = config.lift_exogenous and sizes.exogenous > int(has_path)
         self.history_steps = config.history_steps if sizes.remembered else 0
         self.follows = config.bilinear_follows if config.bilinear_rank else Follow.PREDICTION
         self.saturates = config.saturating_gains
         self.terms = terms_of(config, sizes)
-        self.is_symmetric, self._signs = is_symmetric(config, sizes), signs_of(config, sizes)
         self.encoders = nn.ModuleList([self._encoder(config, encoder)])
         self._add_operator(config)
 
@@ -226,7 +228,7 @@ class MdkNet(nn.Module):
         first = sizes.states + (sizes.exogenous if self.reads_exogenous else 0)
         history = range(first, first + self.history_steps * sizes.remembered)
         known, signs = self.observables, None
-        if self.is_symmetric:
+        if self._signs is not None:
             of_seen = torch.tensor(
                 [
                     *self._signs.states,
@@ -257,20 +259,28 @@ class MdkNet(nn.Module):
         self.N_learned: Tensor
         self.S_learned: Tensor
         can_change = is_motion[:rows, None]
-        row_signs = known.signs[:rows, None]
-        self._add_mask("A_learned", can_change & is_motion & (row_signs == known.signs))
+        signs, factor_signs = self._mask_signs()
+        row_signs = signs[:rows, None]
+        self._add_mask("A_learned", can_change & is_motion & (row_signs == signs))
         self.A_rows = nn.Parameter(_first_operator(config, sizes, known)[:rows])
         columns = sizes.inputs + sizes.exogenous
         acts = torch.ones(columns, dtype=torch.bool)
         if known.has_path:
             acts[sizes.inputs] = False
-        signal_signs = torch.tensor([*self._signs.inputs, *self._signs.exogenous])
-        self._add_mask("B_learned", can_change & acts & (row_signs == signal_signs))
+        self._add_mask("B_learned", can_change & acts & (row_signs == factor_signs[:-1]))
         self.B_rows = nn.Parameter(INPUT_MATRIX_SPREAD * torch.randn(rows, columns))
-        self._add_gains(rows, torch.cat([signal_signs, torch.ones(1)]))
+        self._add_gains(rows)
 
-    def _add_gains(self, rows: int, factor_signs: Tensor) -> None:
-        """`factor_signs` of [u; w; 1]."""
+    def _mask_signs(self) -> tuple[Tensor, Tensor]:
+        """Of the observables and of [u; w; 1], for what parity allows; all +1: everything."""
+        sizes = self.sizes
+        if self._signs is None or not self.is_symmetric:
+            return torch.ones(self.n_observables), torch.ones(sizes.inputs + sizes.exogenous + 1)
+        return self.observables.signs, torch.tensor(
+            [*self._signs.inputs, *self._signs.exogenous, 1.0]
+        )
+
+    def _add_gains(self, rows: int) -> None:
         known = self.observables
         of_gain = [term for term in self.terms for _ in term.factors]
         q = len(of_gain)
@@ -287,10 +297,10 @@ class MdkNet(nn.Module):
         if self.is_symmetric:
             for factor in torch.unique(columns):
                 signs[columns == factor] = alternating(int((columns == factor).sum()))
-        row_signs = known.signs[:rows, None]
-        learned = row_signs == signs * factor_signs[columns]
+        observed, factor_signs = self._mask_signs()
+        learned = observed[:rows, None] == signs * factor_signs[columns]
         self._add_mask("N_learned", known.is_motion[:rows, None] & learned)
-        self._add_mask("S_learned", known.is_motion & (signs[:, None] == known.signs))
+        self._add_mask("S_learned", known.is_motion & (signs[:, None] == observed))
         self.N_rows = nn.Parameter(INPUT_MATRIX_SPREAD * torch.randn(rows, q))
         self.S = nn.Parameter(GAIN_SPREAD * torch.randn(q, known.n))
 

@@ -7,7 +7,14 @@ import torch
 from torch import Tensor
 
 from offline.config import TrainingConfig
-from offline.data.signals import Roles, has_path, mirror_signs, past_columns, past_names
+from offline.data.signals import (
+    VEHICLE_ROLES,
+    Roles,
+    has_path,
+    mirror_signs,
+    past_columns,
+    past_names,
+)
 from rt_controller.contract.signals import PATH_STATES, Schema
 
 
@@ -21,8 +28,8 @@ class Observables(NamedTuple):
     has_path: bool
     """the path states follow from the motion by kinematics; False: one block of all observables"""
     signs: Tensor
-    """(n,) of each observable in a mirror image, -1 if it changes sign; of a model without symmetry
-    all +1"""
+    """(n,) of each observable in a mirror image, -1 if it changes sign; all +1 if they are neither
+    even nor odd"""
 
     @property
     def n(self) -> int:
@@ -50,9 +57,10 @@ def observables_of(config: TrainingConfig, sizes: "Sizes") -> Observables:
     latents = config.latents - int(config.constant_observable)
     has_path = config.separate_motion and sizes.has_path
     signs, constant = signs_of(config, sizes), torch.ones(int(config.constant_observable))
+    of_states = torch.ones(sizes.states) if signs is None else torch.tensor(signs.states)
     # Alternating: each kind has latents of all initial time constants.
-    latent_signs = alternating(latents) if is_symmetric(config, sizes) else torch.ones(latents)
-    all_signs = torch.cat([torch.tensor(signs.states), latent_signs, constant])
+    latent_signs = torch.ones(latents) if signs is None else alternating(latents)
+    all_signs = torch.cat([of_states, latent_signs, constant])
     return Observables(sizes.states, latents, config.constant_observable, has_path, all_signs)
 
 
@@ -66,16 +74,14 @@ class Signs(NamedTuple):
     """in one row of the history"""
 
 
-def is_symmetric(config: TrainingConfig, sizes: "Sizes") -> bool:
-    """True if each observable is even or odd in a mirror image."""
-    return config.symmetry == "exact" and any(-1.0 in signs for signs in sizes.signs)
+def signs_of(config: TrainingConfig, sizes: "Sizes") -> Signs | None:
+    """The signs of the signals if each observable is even or odd in a mirror image.
 
-
-def signs_of(config: TrainingConfig, sizes: "Sizes") -> Signs:
-    """The signs of the signals; all +1 for a model without symmetry."""
-    if is_symmetric(config, sizes):
-        return sizes.signs
-    return Signs(*((1.0,) * len(signs) for signs in sizes.signs))
+    So they are in a model of a symmetric car. A model of any car that begins with such a model
+    keeps its lift, and its matrices may mix both kinds.
+    """
+    is_even_or_odd = sizes.is_symmetric or config.init is not None
+    return sizes.signs if config.symmetry == "exact" and is_even_or_odd else None
 
 
 def alternating(count: int) -> Tensor:
@@ -94,7 +100,8 @@ class Sizes:
     """signals in one row of the history"""
     dt_s: float
     signs: Signs
-    """all +1 if the car has no such symmetry"""
+    is_symmetric: bool
+    """left and right of the car are alike"""
     has_path: bool = False
     """the states are those of a car on a road, and the first exogenous signal is its curvature"""
 
@@ -103,7 +110,8 @@ def sizes_of(schema: Schema, roles: Roles) -> Sizes:
     """The sizes of a model of these signals."""
     states, inputs = past_columns(schema, roles)
     groups = schema.state_names, schema.input_names, schema.exogenous_names
-    signs = (mirror_signs(names, roles) for names in (*groups, past_names(schema, roles)))
+    usual = VEHICLE_ROLES if roles.odd is None and has_path(schema) else roles
+    signs = (mirror_signs(names, usual) for names in (*groups, past_names(schema, roles)))
     return Sizes(
         len(schema.states),
         len(schema.inputs),
@@ -111,5 +119,6 @@ def sizes_of(schema: Schema, roles: Roles) -> Sizes:
         len(states) + len(inputs),
         schema.dt_s,
         Signs(*(tuple(each.tolist()) for each in signs)),
+        roles.odd is not None,
         has_path(schema),
     )

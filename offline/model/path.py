@@ -34,7 +34,9 @@ class Path(nn.Module):
     the motion: the change within the period.
     """
 
-    def __init__(self, known: Observables, dt_s: float, units: Units | None) -> None:
+    def __init__(
+        self, known: Observables, dt_s: float, units: Units | None, is_symmetric: bool
+    ) -> None:
         super().__init__()
         if units is None:
             ones = torch.ones(known.states)
@@ -46,7 +48,9 @@ class Path(nn.Module):
         for name, value in units._asdict().items():
             self.register_buffer(name, value)
         self.learned: Tensor
-        learned = known.is_motion & (known.signs[MOTION, None] == known.signs)
+        learned = known.is_motion.expand(MOTION.stop, -1)
+        if is_symmetric:
+            learned = learned & (known.signs[MOTION, None] == known.signs)
         self.register_buffer("learned", learned.float(), persistent=False)
         self.change = nn.Parameter(torch.zeros(MOTION.stop, known.n))
 

@@ -181,6 +181,7 @@ TINY = Sizes(
     remembered=0,
     dt_s=0.1,
     signs=Signs((1.0,) * 3, (1.0,) * 2, (1.0,), ()),
+    is_symmetric=False,
 )
 TINY_LAYERS = {
     "hidden": (4,),
