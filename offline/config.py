@@ -98,7 +98,7 @@ class TrainingConfig(Settings):
     """alpha_1 of eq. (13)"""
     weight_multi_step: Weight = 1.0
     """alpha_2 of eq. (13)"""
-    weight_stability: Weight = 100.0
+    weight_stability: Weight = 20.0
     """alpha_3 of eq. (13)"""
     weight_regularisation: Weight = 1e-4
     """alpha_4 of eq. (13)"""
@@ -118,7 +118,7 @@ class TrainingConfig(Settings):
     """activation of the hidden layers of the encoder"""
     hidden: tuple[PositiveInt, ...] = (128, 128)
     """widths of the encoder's hidden layers"""
-    latents: PositiveInt = 30
+    latents: PositiveInt = 40
     """P, number of observables besides the physical states"""
     latents_start: Literal["fading", "identity"] = "fading"
     """initial latents: fading: small, with time constants from 0.05 to 5 s in A; identity:
@@ -135,12 +135,12 @@ class TrainingConfig(Settings):
     separate_motion: bool = True
     """the observables are those of the motion, and progress and place on the road follow from it by
     kinematics; without effect on signals that are not those of a car on a road"""
-    bilinear_rank: int = Field(default=8, ge=0)
+    bilinear_rank: int = Field(default=10, ge=0)
     """rank R of the bilinear part of B; 0: B is constant"""
     saturating_gains: bool = True
     """the bilinear part is bounded: each factor is the hyperbolic tangent of a linear function of
     the lifted state"""
-    drift_rank: int = Field(default=6, ge=0)
+    drift_rank: int = Field(default=10, ge=0)
     """rank of the saturating part of the motion without inputs; 0: it is linear, as it is if the
     gains do not saturate"""
     bilinear_follows: Follow = Follow.PREDICTION

@@ -53,7 +53,7 @@ def differences(one: TrainingConfig, other: TrainingConfig) -> set[str]:
 @pytest.mark.parametrize(
     ("name", "variant", "preset"),
     [
-        ("ladder", "smaller", "recommended"),
+        ("ladder", "symmetric", "recommended"),
         ("leave-one-out", "recommended", "recommended"),
         ("leave-one-out", "without-bilinear", "linear"),
         ("paper-readings", "paper", "paper"),
