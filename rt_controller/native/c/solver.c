@@ -16,6 +16,7 @@ static const mdk_real DEPENDENT = R(1e-5), WRONG_SIGN = R(1e-4);
 static const mdk_real VIOLATION = R(1e-9), LARGEST_ERROR = R(1e-7);
 static const mdk_real DEPENDENT = R(1e-14), WRONG_SIGN = R(1e-9);
 #endif
+enum { MOST_CORRECTIONS = 4 };
 /* VIOLATION of a bound, in units of an input's range, and what rounding may leave of an active one;
  * of the size of a row of M, squared; of the largest multiplier */
 
@@ -253,7 +254,57 @@ static void warm_start(mdk_qp *qp) {
     }
 }
 
-/* v, from the constraints that were active in the last solution. */
+/* v, from the present working set. After a failure that is empty. */
+static mdk_status iterate(mdk_qp *qp, int max_iterations) {
+    bool is_independent = true;
+    int corrections = 0; /* of the present constraints */
+    while (qp->iterations < max_iterations) {
+        qp->iterations++;
+        if (is_independent) {
+            solve_equations(qp, corrections > 0);
+        } else {
+            find_null_direction(qp);
+        }
+        const int blocking = move_multipliers(qp, !is_independent);
+        if (blocking >= 0) {
+            is_independent = remove_row(qp, blocking);
+            corrections = 0;
+            continue;
+        }
+        if (!is_independent) {
+            qp->count = 0;
+            return MDK_INFEASIBLE;
+        }
+        if (!find_inputs(qp)) {
+            qp->count = 0;
+            return MDK_NUMERICS;
+        }
+        mdk_real sign = R(1);
+        const int violated = most_violated(qp, &sign);
+        if (violated < 0) {
+            const bool is_last = corrections++ == MOST_CORRECTIONS;
+            const mdk_real error = largest_error(qp);
+            if (error <= (is_last ? LARGEST_ERROR : VIOLATION)) {
+                return MDK_SOLVED;
+            }
+            if (is_last) {
+                qp->count = 0;
+                return MDK_NUMERICS;
+            }
+            continue;
+        }
+        corrections = 0;
+        if (qp->count > qp->size) { /* rounding hides that they depend on each other */
+            qp->count = 0;
+            return MDK_NUMERICS;
+        }
+        is_independent = add(qp, violated, sign);
+    }
+    qp->count = 0;
+    return MDK_ITERATION_LIMIT;
+}
+
+/* v, from the constraints that were active in the last solution. If rounding spoils that, from none. */
 mdk_status mdk_solve(mdk_qp *qp, int max_iterations) {
     const int nv = qp->size;
     mdk_real checked = R(0);
@@ -269,49 +320,7 @@ mdk_status mdk_solve(mdk_qp *qp, int max_iterations) {
         qp->work[i] = dot(i + 1, qp->L_inverse + i * nv, qp->f); /* L^-1 f */
     }
     warm_start(qp);
-    bool is_independent = true, is_correction = false, was_corrected = false;
-    while (qp->iterations < max_iterations) {
-        qp->iterations++;
-        if (is_independent) {
-            solve_equations(qp, is_correction);
-        } else {
-            find_null_direction(qp);
-        }
-        const int blocking = move_multipliers(qp, !is_independent);
-        if (blocking >= 0) {
-            is_independent = remove_row(qp, blocking);
-            is_correction = false;
-            continue;
-        }
-        if (!is_independent) {
-            qp->count = 0;
-            return MDK_INFEASIBLE;
-        }
-        if (!find_inputs(qp)) {
-            qp->count = 0;
-            return MDK_NUMERICS;
-        }
-        mdk_real sign = R(1);
-        const int violated = most_violated(qp, &sign);
-        is_correction = false;
-        if (violated < 0) {
-            const mdk_real error = largest_error(qp);
-            if (error <= (was_corrected ? LARGEST_ERROR : VIOLATION)) {
-                return MDK_SOLVED;
-            }
-            if (was_corrected) {
-                qp->count = 0;
-                return MDK_NUMERICS;
-            }
-            is_correction = was_corrected = true;
-            continue;
-        }
-        if (qp->count > nv) { /* rounding hides that they depend on each other */
-            qp->count = 0;
-            return MDK_NUMERICS;
-        }
-        is_independent = add(qp, violated, sign);
-    }
-    qp->count = 0;
-    return MDK_ITERATION_LIMIT;
+    const bool is_warm = qp->count > 0;
+    const mdk_status status = iterate(qp, max_iterations);
+    return status == MDK_SOLVED || !is_warm ? status : iterate(qp, max_iterations);
 }
