@@ -38,7 +38,7 @@ Flags = NDArray[np.bool_]
 MIRROR_SIGNS = VehicleState(1.0, -1.0, -1.0, 1.0, -1.0, -1.0)
 """of the states when left and right are exchanged"""
 MAX_ITERATIONS = 150
-"""of the QP; more than any recorded plan needs by a factor of ten"""
+"""of the QP; recorded plans need 45 at most"""
 
 
 class DynamicsConstants(NamedTuple):

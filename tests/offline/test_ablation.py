@@ -183,7 +183,7 @@ def test_checkpoint_has_the_errors_of_the_bundle_that_is_exported_from_it(
     checkpoint = fitted(load_checkpoint(run.best), toy_dataset)
     bundle, _ = export_checkpoint(checkpoint, toy_dataset)
     exported = mean_squared_errors(BundlePredictor(bundle), toy_dataset)
-    assert checkpoint_mse(checkpoint, toy_dataset) == pytest.approx(exported, rel=5e-4)
+    assert checkpoint_mse(checkpoint, toy_dataset) == pytest.approx(exported, rel=1e-4)
 
 
 SMALL = "steps = 12, batch = 8, evaluate_every = 5, hidden = [8], latents = 4"

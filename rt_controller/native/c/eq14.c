@@ -1,8 +1,8 @@
 /* Eq. (14) as a condensed QP over the inputs at the knots, in the letters of rt_controller/control/
  * eq14.py.
  *
- * The model is linearised along the nominal inputs: J_k = A + N W_k S by psi_k and
- * [B_uc B_uw] + N t_k M by [u_k; kappa], and for the path by kinematics. */
+ * The model is linearised along the nominal inputs: J_k = [A + N W_k S | B + N t_k], by psi_k and by
+ * [u_k; kappa]; the derivatives of the path are those of its kinematics. */
 
 #include "mdk_internal.h"
 

@@ -109,6 +109,6 @@ NOT_FOUND = {("lti", "latents"), ("lti", "offset")}
 def test_a_shipped_model_passes_and_a_wrong_one_whose_plans_were_made_from_it_is_found(model, what):
     wrong = WRONG[what](load_bundle(shipped_model(model)))
     wrong = replace(wrong, plans=None)  # as in a wrong export
-    is_found = pytest.raises(ArtifactError, match=r"hold and to predict|not strictly convex")
+    is_found = pytest.raises(ArtifactError, match="hold and to predict")
     with nullcontext() if what == "nothing" else is_found:
         try_model(wrong)
