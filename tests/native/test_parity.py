@@ -22,10 +22,8 @@ def require_parity(found, double=DOUBLE, single=FLOAT):
 
 
 @pytest.mark.parametrize("model", MODELS)
-@pytest.mark.parametrize(
-    ("scenario", "duration_s"), [("lane_change_60", 3.0), ("road_course", 3.0)]
-)
-def test_recorded_plans_are_those_of_the_exact_solution(model, scenario, duration_s):
+@pytest.mark.parametrize("scenario", ["lane_change_60", "road_course"])
+def test_recorded_plans_are_those_of_the_exact_solution(model, scenario):
     bundle = Bundle.load(model)
     found = compare([record_drive(bundle, load_scenario(scenario), "own", 3.0)], bundle)
     assert len(found.solved) >= 100
