@@ -211,7 +211,7 @@ class CondensedQp:
         self.slew: Array = np.array(limits.rate_per_s) * PERIOD_S / self.range
         """(3,), largest change of v in a period"""
         self._usual_rate = limits.rate_per_s.steer_rad
-        self._steering_rate = self._usual_rate
+        self._share_of_rate = 1.0
         self._slew = np.tile(self.slew, (K, 1))
         """(K, 3), largest change of v since the knot before; at the first since the last period"""
         self._slew[1:] *= self.knots.intervals[:-1, None]
@@ -326,15 +326,19 @@ class CondensedQp:
         self._row_lower[0], self._row_upper[0] = v_prev - slew, v_prev + slew
         limit_pedals(self._upper, self._periods_to_knot, pedals, v_prev, slew, self.v_max)
 
-    def limit_steering(self, most_rad: float, rate_radps: float) -> None:
-        """Bound the wheel to ±`most_rad`, and its changes by a rate below the usual one."""
+    def limit_steering(self, most_rad: float, rate_radps: float, factor: float = 1.0) -> None:
+        """Bound the wheel to ±`most_rad`, and its changes by a rate below the usual one.
+
+        `factor`: that of `SteeringFactor`, by which the wheel of the model turns further.
+        """
         steer = InputColumn.steer_rad
-        self._upper[:, steer] = most_rad / self.range[steer]
+        self._upper[:, steer] = factor * most_rad / self.range[steer]
         self._lower[:, steer] = -self._upper[:, steer]
-        if rate_radps == self._steering_rate:
+        share = factor * min(rate_radps / self._usual_rate, 1.0)
+        if share == self._share_of_rate:
             return
-        self._steering_rate = rate_radps
-        self._slew[:, steer] = min(rate_radps / self._usual_rate, 1.0) * self._usual_slew
+        self._share_of_rate = share
+        self._slew[:, steer] = share * self._usual_slew
         self._row_lower[1:], self._row_upper[1:] = -self._slew[1:], self._slew[1:]
 
     def _check_at_typical_state(self, bundle: Bundle) -> None:

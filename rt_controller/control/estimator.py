@@ -126,6 +126,11 @@ class Estimator:
         """What the disturbance adds to the states predicted after (K,) `periods`, (K, 6)."""
         return self._response.at(periods, self.disturbance, vx_mps)
 
+    @property
+    def predicted_now(self) -> Array | None:
+        """(n,), what was predicted ten periods ago for the lifted state of now; None: nothing."""
+        return self._roll_outs.oldest if self._roll_outs.begun >= STEPS else None
+
     def forget(self) -> None:
         """A period is missing: the predictions end, and the disturbance stays."""
         self._roll_outs.begun = 0
@@ -198,9 +203,9 @@ class Estimator:
         pedals = applied.throttle - applied.brake_n / INPUT_LIMITS.upper.brake_n
         self._pedals += (pedals - self._pedals) / STEPS
         steady = 1.0 / (1.0 + ((pedals - self._pedals) / MOVED) ** 2)
-        roll_outs = self._roll_outs
-        if roll_outs.begun >= STEPS:
-            error = psi[:N_STATES] - roll_outs.oldest[:N_STATES]
+        roll_outs, expected = self._roll_outs, self.predicted_now
+        if expected is not None:
+            error = psi[:N_STATES] - expected[:N_STATES]
             found = self._response.cause(STEPS, error, float(psi[StateColumn.vx_mps]))
             change = self._low_pass * (found - self.disturbance)
             change[StateColumn.vx_mps] *= steady

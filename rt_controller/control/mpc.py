@@ -98,7 +98,8 @@ class Mpc:
         qp = self._qp
         self._x_0, self._path, self._preview, self._under_way = x_0, path, preview, under_way
         psi = self.observer.after(self.observer.lift(x_0, curvature_per_m), under_way)
-        qp.psi_0[:], qp.kappa, qp.u_prev[:] = psi, curvature_per_m, previous
+        qp.psi_0[:], qp.kappa = psi, curvature_per_m
+        qp.u_prev[:] = self.observer.steering.of_model(previous)
         delay = len(under_way)
         qp.x_r[:] = self._reference.expand(path, x_0, curvature_per_m, preview, delay)
         qp.x_r -= self.observer.estimator.deviations(self._knots + delay, x_0.vx_mps)
@@ -115,6 +116,7 @@ class Mpc:
         if self._has_plan:
             v = self._solver.solution[: qp.scale.size]
             np.dot(qp.T, (v * qp.scale).reshape(-1, N_INPUTS), out=self.inputs)
+            self.inputs[:, InputColumn.steer_rad] /= self.observer.steering.value
         return status
 
     def prepare(self) -> None:
@@ -130,7 +132,7 @@ class Mpc:
         acting = self._under_way[0] if self._under_way else first
         self.observer.advance(acting)
         qp.psi_0[:] = self.observer.after(qp.psi_0, (first,))
-        qp.u_prev[:] = first
+        qp.u_prev[:] = self.observer.steering.of_model(first)
         self._is_prepared = self._update_matrices()
         self._has_plan = False  # a plan is the nominal trajectory of one period only
 
@@ -166,7 +168,7 @@ class Mpc:
 
     def limit_steering(self, most_rad: float, rate_radps: float) -> None:
         """Plan from now on with a wheel that turns at most so far, and at most at this rate."""
-        self._qp.limit_steering(most_rad, rate_radps)
+        self._qp.limit_steering(most_rad, rate_radps, self.observer.steering.value)
 
     def limit_solve_time(self, budget_ns: int) -> None:
         """Limit the time of a solve, as `Solver.limit_solve_time`."""
@@ -193,7 +195,7 @@ class Mpc:
         return predict_states(
             self._bundle,
             self._qp.psi_0,
-            self.inputs,
+            self.inputs * (1.0, 1.0, self.observer.steering.value),
             self._x_0,
             self._qp.kappa,
             self._path,
@@ -207,6 +209,7 @@ class Mpc:
         if self._has_plan:  # shifted by one period
             following = np.minimum(np.add(qp.knots.stages, 1), len(self.inputs) - 1)
             qp.u_nominal[:] = self.inputs[following]
+            qp.u_nominal[:, InputColumn.steer_rad] *= self.observer.steering.value
         else:
             qp.u_nominal[:] = qp.u_prev
         throttle = qp.u_nominal[:, InputColumn.throttle]

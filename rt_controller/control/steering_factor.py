@@ -1,0 +1,49 @@
+"""How far the car turns for an angle of its wheel, beside the car of the model; learned on the way."""
+
+from rt_controller.contract.signals import ControlInput
+
+SMALLEST, LARGEST = 0.7, 1.4
+"""bounds of the factor, whatever is measured"""
+INFORMATION = 0.15
+"""sum of squares of the yaw rate, in (rad/s)^2, after which half of a wrong factor is corrected: about
+one lane change"""
+AVERAGED = 0.02
+"""share of one period in the averages: those of about a second"""
+
+
+class SteeringFactor:
+    """The gain from the wheel to the yaw rate, relative to that of the model.
+
+    Steering ratio, tyres, load and friction change this gain, and a disturbance that is added to the
+    states cannot represent that. So the model gets `value` times the angle of the wheel, and the
+    wheel turns by the planned angle over `value`.
+
+    The yaw rate predicted ten periods ago with the wheel that was applied since then is compared with
+    the measured one, each less its average, which contains what does not change with the wheel: a
+    bank, an offset of a sensor. The prediction is explained by the measurement and not the other way
+    round: where the wheel only compensates a side wind, the measured yaw rate is zero and teaches
+    nothing. The method is normalised least mean squares (Widrow and Hoff).
+    """
+
+    def __init__(self) -> None:
+        self.reset()
+
+    def reset(self) -> None:
+        """The car is that of the model until something else is measured."""
+        self.value = 1.0
+        self._predicted = self._measured = 0.0
+        """averages, in rad/s; of the prediction with a factor of 1"""
+
+    def of_model(self, control: ControlInput) -> ControlInput:
+        """The input with which the car of the model moves as this car does with `control`."""
+        return control._replace(steer_rad=self.value * control.steer_rad)
+
+    def learn(self, predicted_radps: float, measured_radps: float) -> None:
+        """Learn from the yaw rate of now, and from that which was predicted with `value`."""
+        of_one_radps = predicted_radps / self.value
+        self._predicted += AVERAGED * (of_one_radps - self._predicted)
+        self._measured += AVERAGED * (measured_radps - self._measured)
+        predicted, measured = of_one_radps - self._predicted, measured_radps - self._measured
+        inverse = 1.0 / self.value
+        inverse += measured * (predicted - inverse * measured) / (INFORMATION + measured**2)
+        self.value = 1.0 / min(max(inverse, 1.0 / LARGEST), 1.0 / SMALLEST)
