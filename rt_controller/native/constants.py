@@ -37,8 +37,9 @@ Whole = NDArray[np.int32]
 Flags = NDArray[np.bool_]
 MIRROR_SIGNS = VehicleState(1.0, -1.0, -1.0, 1.0, -1.0, -1.0)
 """of the states when left and right are exchanged"""
-MAX_ITERATIONS = 150
-"""of the QP; recorded plans need 45 at most"""
+ITERATIONS_OF_INPUT = 4
+"""iterations of the QP for each number of v, at most; recorded plans need 45 in all, and random
+situations up to 3.6 a number"""
 
 
 class DynamicsConstants(NamedTuple):
@@ -248,5 +249,5 @@ def _problem(qp: CondensedQp) -> ProblemConstants:
         released=RELEASED,
         most_nominal_throttle=MOST_NOMINAL_THROTTLE,
         slowest_mps=SLOWEST_MPS,
-        max_iterations=MAX_ITERATIONS,
+        max_iterations=ITERATIONS_OF_INPUT * qp.scale.size,
     )

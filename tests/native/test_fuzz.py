@@ -11,7 +11,6 @@ from benchmarks.native.situations import random_calls
 from rt_controller.contract.signals import N_INPUTS
 from rt_controller.control.program import SolveStatus
 from rt_controller.model.bundle import Bundle
-from rt_controller.native.constants import MAX_ITERATIONS
 
 SPECIAL = (nan, inf, -inf, 1e30, -1e30, 1e-310, 0.0, -1.0, 1e-9, 1e6)
 
@@ -58,7 +57,7 @@ def test_plans_stay_finite_and_the_last_one_is_held(bundle, real, count):
     planner, rng = c_planner(bundle, real), np.random.default_rng(1)
     solved, last = 0, planner.inputs.copy()
     for status, now, inputs in planned(planner, random_calls(bundle, count, 2), rng):
-        assert planner.iterations <= MAX_ITERATIONS
+        assert planner.iterations <= planner.max_iterations
         assert np.isfinite(inputs).all()
         if status is SolveStatus.SOLVED:
             solved += 1
