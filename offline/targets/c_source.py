@@ -17,10 +17,9 @@ from rt_controller.contract.compiler import CompileError, find_compiler
 from rt_controller.contract.errors import ArtifactError, ConfigError
 from rt_controller.contract.timing import PERIOD_S
 from rt_controller.model.bundle import Bundle
-from rt_controller.model.validation import require_drivable
 from rt_controller.native.compiler import SOURCES
-from rt_controller.native.constants import LawConstants
-from rt_controller.native.planner import open_law
+from rt_controller.native.constants import Struct
+from rt_controller.native.planner import NativePlanner
 from rt_controller.native.source import model_source
 
 Precision = Literal["float", "double"]
@@ -62,8 +61,7 @@ def export_c(
             that cannot be written.
         MissingExtraError: law or simulated car are not compiled, and cannot be compiled.
     """
-    require_drivable(bundle)
-    law = open_law(bundle, config.mpc)
+    law = NativePlanner(bundle, config.mpc, is_checked=False)
     problem = law.constants.problem
     with TemporaryDirectory() as work:
         folder = Path(work)
@@ -108,7 +106,7 @@ def export_c(
 
 
 def _write_sources(
-    folder: Path, bundle: Bundle, constants: LawConstants, memory_numbers: int, precision: Precision
+    folder: Path, bundle: Bundle, constants: Struct, memory_numbers: int, precision: Precision
 ) -> None:
     for file in (*SOURCES.glob("*.[ch]"), *TEMPLATES.iterdir()):
         shutil.copyfile(file, folder / file.name)

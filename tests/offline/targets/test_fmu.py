@@ -29,7 +29,7 @@ from rt_controller.contract.errors import (
 from rt_controller.contract.limits import INPUT_LIMITS
 from rt_controller.contract.timing import PERIOD_S
 from rt_controller.control.program import SolveStatus
-from rt_controller.native.planner import open_law
+from rt_controller.native.planner import NativePlanner
 from rt_controller.safety.envelope import limit
 
 EXAMPLE = Path(__file__).parents[3] / "examples" / "controller_fmu.py"
@@ -98,7 +98,7 @@ class LawInC:
     """The same law through its functions: what it sent last is what it remembers."""
 
     def reset(self) -> None:
-        self.law = open_law(Bundle.load("mdk-net"), MpcSettings())
+        self.law = NativePlanner(Bundle.load("mdk-net"), MpcSettings(), is_checked=False)
         self.sent: list[ControlInput] = []
 
     def control(self, now: Observation) -> ControlInput:
