@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 from numpy.ctypeslib import as_array
+from numpy.typing import NDArray
 
 from rt_controller.config import MpcSettings
 from rt_controller.contract.arrays import Array
@@ -91,6 +92,7 @@ class NativePlanner:
         """(N, 3), the last plan that was solved"""
         self._psi: Array = as_array(self._call("mdk_lifted"), (self.constants.dynamics.n,))
         qp, nv = self._call("mdk_last_qp").contents, N_INPUTS * problem.knots
+        self._place: NDArray[np.int32] = self.constants.dynamics.place
         self.qp: dict[str, Array] = {
             "H": as_array(qp.H, (nv, nv)),
             **{name: as_array(getattr(qp, name), (nv,)) for name in ("f", "v", *_BOUNDS)},
@@ -113,7 +115,7 @@ class NativePlanner:
     @property
     def psi(self) -> Array:
         """(n,), the state that was lifted last."""
-        return self._psi[self.constants.dynamics.place]
+        return self._psi[self._place]
 
     def observe(self, state: VehicleState, held: ControlInput) -> VehicleState:
         """As `StateObserver.observe`."""

@@ -34,9 +34,9 @@ def fuzzed(rng, situations):
     for now in situations:
         places = [name for name, each in now._asdict().items() if hasattr(each, "_fields")]
         name = rng.choice(places)
-        yield (
-            now if rng.random() < 0.5 else now._replace(**{name: changed(rng, getattr(now, name))})
-        )
+        if rng.random() < 0.5:
+            now = now._replace(**{name: changed(rng, getattr(now, name))})
+        yield now
 
 
 @pytest.mark.parametrize("real", [c_double, c_float])
