@@ -34,9 +34,8 @@ def fuzzed(rng, situations):
     for now in situations:
         places = [name for name, each in now._asdict().items() if hasattr(each, "_fields")]
         name = rng.choice(places)
-        if rng.random() < 0.5:
-            now = now._replace(**{name: changed(rng, getattr(now, name))})
-        yield now
+        other = {name: changed(rng, getattr(now, name))} if rng.random() < 0.5 else {}
+        yield now._replace(**other)
 
 
 @pytest.mark.parametrize("real", [c_double, c_float])
