@@ -131,7 +131,7 @@ def record_drive(
     duration_s: float | None = None,
 ) -> list[Situation]:
     """What the MPC saw in a drive; the arguments are those of `simulate`."""
-    law = _RecordedMpc(open_exact_mpc(bundle, config.mpc))
+    law = RecordedLaw(open_exact_mpc(bundle, config.mpc))
     simulate(
         scenario, controller=law, model=bundle, plant=plant, config=config, duration_s=duration_s
     )
@@ -174,11 +174,11 @@ def open_exact_mpc(bundle: Bundle, settings: MpcSettings) -> Mpc:
     return Mpc(bundle, settings.horizon, cost, None, open_solver, settings.knots, gain)
 
 
-class _RecordedMpc:
-    """The MPC as a control law that keeps what it saw."""
+class RecordedLaw:
+    """A planner as a control law that keeps what it saw."""
 
-    def __init__(self, mpc: Mpc) -> None:
-        self._mpc = mpc
+    def __init__(self, planner: Planner) -> None:
+        self._planner = planner
         self._acted: list[ControlInput] = []
         self._is_restart = True
         self.situations: list[Situation] = []
@@ -192,12 +192,12 @@ class _RecordedMpc:
         if self._is_restart:
             self._acted.clear()
         self._acted.append(now.previous)
-        applied = self._acted[max(len(self._acted) - 1 - len(now.under_way), 0)]
-        state, road, (previous, under_way, most_rad) = now.state, now[1:4], now[4:]
         situation = Situation(
-            self._is_restart, state, *road, applied, previous, under_way, most_rad
+            is_restart=self._is_restart,
+            applied=self._acted[max(len(self._acted) - 1 - len(now.under_way), 0)],
+            **now._asdict(),
         )
         self.situations.append(situation)
-        planned = plan(self._mpc, situation)
+        planned = plan(self._planner, situation)
         self._is_restart = planned.status is not SolveStatus.SOLVED
-        return previous if self._is_restart else ControlInput(*planned.inputs[0].tolist())
+        return now.previous if self._is_restart else ControlInput(*planned.inputs[0].tolist())
