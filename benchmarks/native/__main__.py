@@ -58,7 +58,7 @@ def main(
         "model": bundle.name,
         "drives": _parity(drives),
         "random": _parity(situations),
-        "times": _times(drives),
+        "times": {name: drives[name].medians_us() for name in ("python", "double", "float")},
         **_on_targets(bundle, FULL_FUZZED if full else FUZZED, console),
     }
     goals = tomllib.loads(GOALS.read_text())
@@ -94,15 +94,6 @@ def _parity(found: Mapping[str, Plans]) -> dict[str, Any]:
         for reference in ("exact", "python")
     }
     return pairs | {real: found[real].counts() for real in ("double", "float")}
-
-
-def _times(found: Mapping[str, Plans]) -> dict[str, Any]:
-    times = {name: found[name].medians_us() for name in ("python", "double", "float")}
-    python_us = sum(times["python"].values())
-    return times | {
-        f"{real}_plan_share_of_python": times[real]["plan_median_us"] / python_us
-        for real in ("double", "float")
-    }
 
 
 def _on_targets(bundle: Bundle, fuzzed: int, console: Console) -> dict[str, Figures | None]:

@@ -117,7 +117,8 @@ def _numbers(now: Situation) -> Array:
     """(75,), as `in` of mdk_arrays.h."""
     under_way = np.zeros((MOST_UNDER_WAY, N_INPUTS))
     under_way[: len(now.under_way)] = np.reshape(now.under_way, (-1, N_INPUTS))
-    road = (now.curvature_per_m, *now.path, *(now.preview or ()))
+    constant = np.zeros(len(CurvaturePreview._fields))
+    road = (now.curvature_per_m, *now.path, *(now.preview or constant))
     inputs = (*now.applied, *now.previous, len(now.under_way))
     return np.array([now.is_restart, *now.state, *road, *inputs, *under_way.ravel()], dtype=float)
 
