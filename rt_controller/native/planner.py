@@ -91,8 +91,8 @@ class NativePlanner:
         self.inputs: Array = as_array(self._call("mdk_inputs"), (problem.horizon, N_INPUTS))
         """(N, 3), the last plan that was solved"""
         self._psi: Array = as_array(self._call("mdk_lifted"), (self.constants.dynamics.n,))
-        qp, nv = self._call("mdk_last_qp").contents, N_INPUTS * problem.knots
         self._place: NDArray[np.int32] = self.constants.dynamics.place
+        qp, nv = self._call("mdk_last_qp").contents, N_INPUTS * problem.knots
         self.qp: dict[str, Array] = {
             "H": as_array(qp.H, (nv, nv)),
             **{name: as_array(getattr(qp, name), (nv,)) for name in ("f", "v", *_BOUNDS)},
