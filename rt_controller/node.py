@@ -31,7 +31,6 @@ from rt_controller.controllers import law_error, open_law
 from rt_controller.model.bundle import Bundle
 from rt_controller.model.validation import require_drivable
 from rt_controller.native.planner import NativePlanner
-from rt_controller.native.planner import open_law as open_native_law
 from rt_controller.realtime.clock import TimeSource
 from rt_controller.safety.checks import Check, checks_of
 from rt_controller.safety.coast_model import LEAST_MODELLED_MPS, StoppingCar
@@ -62,7 +61,7 @@ def build_planner(
         return LawPlanner(bundle, open_law(name), name)
     if config.plan == "native":
         require_stored_plans(bundle)
-        native = NativePlanner(bundle, open_native_law(bundle, config.mpc))
+        native = NativePlanner(bundle, config.mpc)
         plan_at_constant_speed(native)
         return native
     return build_mpc(bundle, config.mpc, max_iterations)

@@ -11,10 +11,11 @@ import cyclopts
 from rich.console import Console
 
 from benchmarks.figures.closed_loop import ROWS, scenario_of
-from benchmarks.native.parity import Comparison, compare
-from benchmarks.native.recorded import Call, record_drive
-from benchmarks.native.situations import random_calls
+from benchmarks.native.parity import Plans, compare
+from benchmarks.native.situations import random_situations
 from benchmarks.native.targets import Export, Figures
+from offline.targets.recorded_drives import Situation, record_drive
+from rt_controller.config import ControllerConfig
 from rt_controller.contract.figures import require_writable, write_figures
 from rt_controller.model.bundle import Bundle
 from rt_controller.terminal.command_line import run_command
@@ -50,14 +51,14 @@ def main(
     """
     require_writable(json)
     console, bundle = Console(soft_wrap=True, highlight=False), Bundle.load(model)
-    drives = compare(list(_drives(bundle, full)), bundle)
+    drives = compare(_drives(bundle, full), bundle)
     plans = (FULL_PLANS if full else PLANS) // 2
-    situations = compare([list(random_calls(bundle, plans, SEED))], bundle)
+    situations = compare([random_situations(bundle, plans, SEED)], bundle)
     figures: dict[str, Any] = {
         "model": bundle.name,
         "drives": _parity(drives),
         "random": _parity(situations),
-        "times": _times(drives),
+        "times": {name: drives[name].medians_us() for name in ("python", "double", "float")},
         **_on_targets(bundle, FULL_FUZZED if full else FUZZED, console),
     }
     goals = tomllib.loads(GOALS.read_text())
@@ -75,34 +76,24 @@ def main(
     return EXIT_MISSED if missed else 0
 
 
-def _drives(bundle: Bundle, full: bool) -> Iterator[list[Call]]:
-    """Recorded calls of drives until there are enough plans."""
-    rows = [row for row in ROWS if full or row.name in SHORT]
+def _drives(bundle: Bundle, full: bool) -> Iterator[list[Situation]]:
+    """Recorded drives until there are enough situations."""
     missing = FULL_PLANS if full else PLANS
-    for row in rows:
-        calls = record_drive(bundle, scenario_of(row), row.conditions.get("plant", "own"))
-        yield calls
-        missing -= sum(call.name == "plan" for call in calls)
-        if missing <= 0:
-            return
+    for row in ROWS:
+        if missing > 0 and (full or row.name in SHORT):
+            plant = row.conditions.get("plant", "own")
+            found = record_drive(bundle, ControllerConfig(), scenario_of(row), plant=plant)
+            yield found
+            missing -= len(found)
 
 
-def _parity(found: Comparison) -> dict[str, Any]:
+def _parity(found: Mapping[str, Plans]) -> dict[str, Any]:
     pairs = {
-        f"{real}_to_{reference}": found.parity(reference, real)
+        f"{real}_to_{reference}": found[real].parity(found[reference])
         for real in ("double", "float")
         for reference in ("exact", "python")
     }
-    return pairs | {real: found.counts(real) for real in ("double", "float")}
-
-
-def _times(found: Comparison) -> dict[str, Any]:
-    times = {name: found.medians_us(name) for name in ("python", "double", "float")}
-    python_us = sum(times["python"].values())
-    return times | {
-        f"{real}_plan_share_of_python": times[real]["plan_median_us"] / python_us
-        for real in ("double", "float")
-    }
+    return pairs | {real: found[real].counts() for real in ("double", "float")}
 
 
 def _on_targets(bundle: Bundle, fuzzed: int, console: Console) -> dict[str, Figures | None]:

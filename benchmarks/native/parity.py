@@ -1,4 +1,4 @@
-"""The same calls on the law in C and on the law in Python: differences, iterations and times."""
+"""The law in C and the law in Python in the same situations: differences, iterations and times."""
 
 from collections.abc import Iterable, Sequence
 from ctypes import c_double, c_float
@@ -7,11 +7,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.native.recorded import Call, difference, repeat
-from offline.targets.recorded_drives import open_exact_mpc
+from offline.targets.recorded_drives import Situation, open_exact_mpc, plan
 from rt_controller.config import ControllerConfig
 from rt_controller.contract.arrays import Array
-from rt_controller.contract.signals import N_STATES, VehicleState
+from rt_controller.contract.signals import N_STATES, ControlInput, VehicleState
 from rt_controller.control.lift import Encoder
 from rt_controller.control.mpc import Mpc
 from rt_controller.control.planner import Planner
@@ -19,8 +18,12 @@ from rt_controller.control.program import SolveStatus
 from rt_controller.model.bundle import Bundle
 from rt_controller.model.lift import LiftSample
 from rt_controller.native.network import Network, network_of
-from rt_controller.native.planner import NativePlanner, open_law
+from rt_controller.native.planner import NativePlanner
 from rt_controller.node import build_planner
+
+_SPAN = np.array(ControlInput(1.0, 150.0, 2.0 * np.radians(40.0)))
+"""range of each input"""
+_NS_PER_US = 1e3
 
 
 class _DoubleEncoder:
@@ -48,42 +51,33 @@ def exact_planner(bundle: Bundle) -> Mpc:
     return mpc
 
 
-class CPlanner(NativePlanner):
-    """The law in C without its check by PIQP."""
-
-    def prepare(self) -> None:
-        """As `NativeLaw.prepare`."""
-        self._law.prepare()
+def c_planner(bundle: Bundle, real: Any = c_double) -> NativePlanner:
+    """The law in C with numbers of that type, without its check by PIQP."""
+    return NativePlanner(bundle, ControllerConfig().mpc, real, is_checked=False)
 
 
-def c_planner(bundle: Bundle, real: Any = c_double) -> CPlanner:
-    """The law in C with numbers of that type."""
-    return CPlanner(bundle, open_law(bundle, ControllerConfig().mpc, real))
+class Plans(NamedTuple):
+    """Plans of one planner in T situations."""
 
+    is_solved: NDArray[np.bool_]
+    """(T,)"""
+    inputs: Array
+    """(T, N, 3), of the last plan that was solved"""
+    iterations: NDArray[np.int64]
+    """(T,)"""
+    plan_ns: NDArray[np.int64]
+    """(T,)"""
+    prepare_ns: NDArray[np.int64]
+    """(T,)"""
 
-class Comparison(NamedTuple):
-    """Plans of the same calls."""
-
-    planners: tuple[str, ...]
-    differences: Array
-    """(T, P, P) between planners, in units of an input's range; NaN: one has no plan"""
-    solved: NDArray[np.bool_]
-    """(T, P)"""
-    iterations: Array
-    """(T, P)"""
-    plan_ns: Array
-    """(T, P)"""
-    prepare_ns: Array
-    """(T, P)"""
-
-    def parity(self, one: str, other: str) -> dict[str, float]:
-        """Figures of the differences between two planners."""
-        a, b = self.planners.index(one), self.planners.index(other)
-        is_other = self.solved[:, a] != self.solved[:, b]
+    def parity(self, reference: "Plans") -> dict[str, float]:
+        """Figures of the differences from other plans, in units of each input's range."""
+        is_other = self.is_solved != reference.is_solved
         # The plan after one that only one of them has begins at another linearisation.
-        is_comparable = np.isfinite(self.differences[:, a, b])
+        is_comparable = self.is_solved & reference.is_solved
         is_comparable[1:] &= ~is_other[:-1]
-        found = self.differences[is_comparable, a, b]
+        differences = np.abs(self.inputs - reference.inputs)[is_comparable] / _SPAN
+        found = differences.max(axis=(1, 2))
         return {
             "worst_of_range": float(found.max()),
             "median_of_range": float(np.median(found)),
@@ -91,48 +85,40 @@ class Comparison(NamedTuple):
             "plans_of_one_only": int(is_other.sum()),
         }
 
-    def counts(self, planner: str) -> dict[str, float]:
-        """Iterations of the QPs of one, and plans that it has not solved."""
-        column = self.planners.index(planner)
-        found = self.iterations[:, column]
+    def counts(self) -> dict[str, float]:
+        """Iterations of the QPs, and plans that are not solved."""
         return {
-            "iterations_median": float(np.median(found)),
-            "iterations_p99": float(np.quantile(found, 0.99)),
-            "iterations_worst": int(found.max()),
-            "plans": len(found),
-            "unsolved": int(np.sum(~self.solved[:, column])),
+            "iterations_median": float(np.median(self.iterations)),
+            "iterations_p99": float(np.quantile(self.iterations, 0.99)),
+            "iterations_worst": int(self.iterations.max()),
+            "plans": len(self.iterations),
+            "unsolved": int(np.sum(~self.is_solved)),
         }
 
-    def medians_us(self, planner: str) -> dict[str, float]:
+    def medians_us(self) -> dict[str, float]:
         """Times of a plan and of the preparation of the next one."""
-        column = self.planners.index(planner)
-        plan_ns, prepare_ns = self.plan_ns[:, column], self.prepare_ns[:, column]
         return {
-            "plan_median_us": 1e-3 * float(np.median(plan_ns)),
-            "prepare_median_us": 1e-3 * float(np.median(prepare_ns[prepare_ns > 0])),
+            "plan_median_us": float(np.median(self.plan_ns)) / _NS_PER_US,
+            "prepare_median_us": float(np.median(self.prepare_ns)) / _NS_PER_US,
         }
 
 
-def open_planners(bundle: Bundle) -> dict[str, Planner]:
-    """The law in Python, exact and as it drives, and in C, by name."""
-    return {
+def compare(drives: Iterable[Sequence[Situation]], bundle: Bundle) -> dict[str, Plans]:
+    """The plans of the law in Python, exact and as it drives, and in C, by name.
+
+    Each drive begins with a restart. The planners take turns after each plan.
+    """
+    planners: dict[str, Planner] = {
         "exact": exact_planner(bundle),
         "python": build_planner(bundle, ControllerConfig()),
         "double": c_planner(bundle),
         "float": c_planner(bundle, c_float),
     }
-
-
-def compare(drives: Iterable[Sequence[Call]], bundle: Bundle) -> Comparison:
-    """The plans of all drives, each begun with new planners, which take turns after each plan."""
-    differences, rows, names = [], [], tuple[str, ...]()
-    for calls in drives:
-        planners = open_planners(bundle)
-        names = tuple(planners)
-        for plans in zip(*(repeat(calls, each) for each in planners.values()), strict=True):
-            differences.append([[difference(a, b) for b in plans] for a in plans])
-            rows.append([(p.status is SolveStatus.SOLVED, *p[2:]) for p in plans])
-    solved, iterations, plan_ns, prepare_ns = np.moveaxis(np.array(rows), -1, 0)
-    return Comparison(
-        names, np.array(differences), solved.astype(bool), iterations, plan_ns, prepare_ns
-    )
+    situations = [now for drive in drives for now in drive]
+    rows = [[plan(each, now) for each in planners.values()] for now in situations]
+    found: dict[str, Plans] = {}
+    for name, plans in zip(planners, zip(*rows, strict=True), strict=True):
+        status, *columns = zip(*plans, strict=True)
+        is_solved = np.array([each is SolveStatus.SOLVED for each in status])
+        found[name] = Plans(is_solved, *map(np.array, columns))
+    return found

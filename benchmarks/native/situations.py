@@ -1,12 +1,11 @@
-"""Random situations of a car, as calls of a planner."""
+"""Random situations of a car."""
 
 from collections.abc import Iterator
-from math import inf
 from typing import Any
 
 import numpy as np
 
-from benchmarks.native.recorded import Call
+from offline.targets.recorded_drives import Situation
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.car import UNNAMED_CAR
 from rt_controller.contract.signals import (
@@ -19,8 +18,8 @@ from rt_controller.contract.timing import PERIOD_S
 from rt_controller.model.bundle import Bundle
 from rt_controller.model.validity import Validity
 
-PLANS = 2
-"""of each situation: a first one, and one that was prepared"""
+PERIODS = 2
+"""that follow each other: a first plan, and one that was prepared"""
 _ANY_CAR = Validity(
     np.array([8.0, 30.0]),
     np.array([5.0, 5.0]),
@@ -33,14 +32,13 @@ _AT, _BEYOND = 0.1, 0.1
 """parts of the situations: at the end of the range of validity, and 1.3 times as far"""
 
 
-def random_calls(bundle: Bundle, count: int, seed: int) -> Iterator[Call]:
-    """Calls of that many plans, each situation with a car that nothing is known of."""
+def random_situations(bundle: Bundle, count: int, seed: int) -> list[Situation]:
+    """That many situations, pairs of a restart and of a period that follows on it."""
     rng = np.random.default_rng(seed)
-    for _ in range(count // PLANS):
-        yield from _situation(bundle, rng)
+    return [now for _ in range(count // PERIODS) for now in _periods(bundle, rng)]
 
 
-def _situation(bundle: Bundle, rng: np.random.Generator) -> Iterator[Call]:
+def _periods(bundle: Bundle, rng: np.random.Generator) -> Iterator[Situation]:
     valid, car = bundle.validity or _ANY_CAR, bundle.car or UNNAMED_CAR
     kind = rng.random()
     reach = 1.3 if kind < _BEYOND else 1.0
@@ -70,13 +68,17 @@ def _situation(bundle: Bundle, rng: np.random.Generator) -> Iterator[Call]:
         previous._replace(steer_rad=previous.steer_rad + 0.05 * share())
         for _ in range(rng.integers(4))
     )
-    yield Call("reset")
-    yield Call("resume", (previous,))
-    most_rad = car.largest_plan_rad(vx, bundle.largest_steer_rad)
-    yield Call("limit_steering", (max(most_rad, abs(previous.steer_rad)), inf))
-    for _ in range(PLANS):
-        yield Call("observe", (VehicleState(*state.tolist()), previous))
-        now = (curvature, path, previous, preview if rng.random() < 0.9 else None, under_way)
-        yield Call("plan", (None, *now))
-        yield Call("prepare")
+    most_rad = max(car.largest_plan_rad(vx, bundle.largest_steer_rad), abs(previous.steer_rad))
+    for i in range(PERIODS):
+        yield Situation(
+            is_restart=i == 0,
+            state=VehicleState(*state.tolist()),
+            curvature_per_m=curvature,
+            path=path,
+            preview=preview if rng.random() < 0.9 else None,
+            applied=previous,
+            previous=previous,
+            under_way=under_way,
+            most_steer_rad=most_rad,
+        )
         state += 0.01 * state * rng.standard_normal(len(state))

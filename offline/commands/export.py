@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter, validators
 
-from offline.commands.export_law import export_fmu, export_law
+from offline.commands.export_law import export_law
 from offline.commands.options import LATEST_RUN, RUNS, JsonFile, require_ready
 from offline.commands.terminal import STDERR, STDOUT, print_plain, quoted
 from offline.config import PAST_STEPS
@@ -89,14 +89,11 @@ def export(
     of_law: dict[str, object] = {"--model": model, "--config": config}
     foreign = {"bundle": of_law | of_c, "c": of_bundle, "fmu": of_bundle | of_c}
     _require_none(foreign[target], target)
-    if target == "fmu":
+    if target != "fmu":
+        require_folder(output, "--output")
+    if target != "bundle":
         require_writable(json_file)
-        write_figures(json_file, export_fmu(model, config, output))
-        return
-    require_folder(output, "--output")
-    if target == "c":
-        require_writable(json_file)
-        figures = export_law(model, config, output, precision or "float", rom_kb, ram_kb)
+        figures = export_law(target, model, config, output, precision or "float", rom_kb, ram_kb)
         write_figures(json_file, figures)
         return
     is_tried = model_trial != "off"

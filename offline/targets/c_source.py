@@ -1,10 +1,11 @@
 """`--target c`: a folder with the control law as C source, its constants and test vectors."""
 
 import os
+import re
 import shlex
 import shutil
 import subprocess
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from math import inf
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -12,15 +13,12 @@ from typing import Any, Literal, NamedTuple
 
 from offline.targets.recorded_drives import RecordedDrives, record_drives
 from rt_controller.config import ControllerConfig
-from rt_controller.contract.arrays import Array
 from rt_controller.contract.compiler import CompileError, find_compiler
 from rt_controller.contract.errors import ArtifactError, ConfigError
 from rt_controller.contract.timing import PERIOD_S
 from rt_controller.model.bundle import Bundle
-from rt_controller.model.validation import require_drivable
 from rt_controller.native.compiler import SOURCES
-from rt_controller.native.constants import LawConstants
-from rt_controller.native.planner import open_law
+from rt_controller.native.planner import NativePlanner
 from rt_controller.native.source import model_source
 
 Precision = Literal["float", "double"]
@@ -62,19 +60,18 @@ def export_c(
             that cannot be written.
         MissingExtraError: law or simulated car are not compiled, and cannot be compiled.
     """
-    require_drivable(bundle)
-    law = open_law(bundle, config.mpc)
+    law = NativePlanner(bundle, config.mpc, is_checked=False)
     problem = law.constants.problem
     with TemporaryDirectory() as work:
         folder = Path(work)
-        _write_sources(folder, bundle, law.constants, law.memory_numbers, precision)
+        _write_sources(folder, bundle, law, precision)
         make = _find_make()
         sizes = [] if make is None else _measure(folder, make)
         _require_within(sizes, limits)
         drives = record_drives(bundle, config, problem.stages)
         (folder / "recorded_drives.h").write_text(_drives_source(drives))
         tested = {} if make is None else _test(folder, make)
-        rows = _figure_rows(sizes, tested)
+        lines = list(_figure_lines(sizes, tested))
         values = {
             "NAME": bundle.name,
             "SHA256": bundle.sha256,
@@ -83,13 +80,12 @@ def export_c(
             "HORIZON_S": f"{problem.horizon * PERIOD_S:g}",
             "HOLD_PERIODS": str(law.constants.hold_periods),
             "MAX_ITERATIONS": str(problem.max_iterations),
-            "FIGURES": "\n".join(f"| {name} | {text} |" for name, text in rows),
+            "FIGURES": "\n".join(f"- {line}" for line in lines),
         }
         _fill(folder / "README.md", values)
         try:
-            shutil.copytree(
-                folder, output, dirs_exist_ok=True, ignore=shutil.ignore_patterns(BUILD)
-            )
+            ignored = shutil.ignore_patterns(BUILD)
+            shutil.copytree(folder, output, dirs_exist_ok=True, ignore=ignored)
         except (OSError, shutil.Error) as error:
             raise ConfigError(
                 f"--output: expected a folder with room for the source code, found {output}: "
@@ -104,20 +100,18 @@ def export_c(
         "sizes": [each._asdict() for each in sizes],
         "test": tested or None,
     }
-    return figures, [": ".join(row) for row in rows]
+    return figures, lines
 
 
-def _write_sources(
-    folder: Path, bundle: Bundle, constants: LawConstants, memory_numbers: int, precision: Precision
-) -> None:
+def _write_sources(folder: Path, bundle: Bundle, law: NativePlanner, precision: Precision) -> None:
     for file in (*SOURCES.glob("*.[ch]"), *TEMPLATES.iterdir()):
         shutil.copyfile(file, folder / file.name)
     head = f"/* Model {bundle.name}, SHA-256 {bundle.sha256}. */\n\n"
-    (folder / "mdk_model.c").write_text(head + model_source(constants, "MDK_MODEL"))
+    (folder / "mdk_model.c").write_text(head + model_source(law.constants, "MDK_MODEL"))
     (folder / "mdk_model.h").write_text(
         f"{head}#ifndef MDK_MODEL_H\n#define MDK_MODEL_H\n\n"
         f'#include "mdk.h"\n\n'
-        f"enum {{ MDK_MEMORY = {memory_numbers} }}; /* as mdk_memory(&MDK_MODEL) */\n"
+        f"enum {{ MDK_MEMORY = {law.memory_numbers} }}; /* as mdk_memory(&MDK_MODEL) */\n"
         f"extern const mdk_model MDK_MODEL;\n\n#endif\n"
     )
     sources = sorted(file.name for file in folder.glob("*.c") if file.name != "test.c")
@@ -126,24 +120,25 @@ def _write_sources(
 
 
 def _fill(file: Path, values: Mapping[str, str]) -> None:
-    """Replace each @NAME@ in a file."""
-    text = file.read_text()
-    for name, value in values.items():
-        text = text.replace(f"@{name}@", value)
-    file.write_text(text)
+    file.write_text(filled(file.read_text(), values))
+
+
+def filled(text: str, values: Mapping[str, str]) -> str:
+    """The text with a value in place of each @NAME@."""
+    return re.sub("@([A-Z0-9_]+)@", lambda found: values[found[1]], text)
 
 
 def _drives_source(drives: RecordedDrives) -> str:
+    text = (
+        "/* Situations, and what the Python controller planned in them. */\n\n"
+        f"enum {{ RECORDED_PERIODS = {len(drives.plans)} }};\n"
+    )
     names = ("RECORDED_IN", "RECORDED_COMMAND", "RECORDED_PLAN")
-    tables = (_table(name, rows) for name, rows in zip(names, drives, strict=True))
-    head = "/* Situations, and what the Python controller planned in them. */\n"
-    return "\n".join((head, f"enum {{ RECORDED_PERIODS = {len(drives.plans)} }};\n", *tables))
-
-
-def _table(name: str, rows: Array) -> str:
-    lines = (", ".join(f"{number:.10g}" for number in row) for row in rows.tolist())
-    text = "},\n    {".join(lines)
-    return f"static const double {name}[][{rows.shape[1]}] = {{\n    {{{text}}}}};\n"
+    for name, rows in zip(names, drives, strict=True):
+        lines = (", ".join(f"{number:.10g}" for number in row) for row in rows.tolist())
+        table = "},\n    {".join(lines)
+        text += f"\nstatic const double {name}[][{rows.shape[1]}] = {{\n    {{{table}}}}};\n"
+    return text
 
 
 def _find_make() -> list[str] | None:
@@ -232,31 +227,24 @@ def _test(folder: Path, make: Sequence[str]) -> dict[str, float]:
     return {name: float(number) for name, number in map(str.split, done.stdout.splitlines())}
 
 
-def _figure_rows(sizes: Sequence[Sizes], tested: Mapping[str, float]) -> list[tuple[str, str]]:
-    """Names and texts of the figures."""
-    rows = [
-        (
-            each.compiler,
-            f"constants {each.constants_bytes} bytes, code {each.code_bytes} bytes (-Os), RAM of a "
-            f"controller {each.ram_bytes} bytes",
+def _figure_lines(sizes: Sequence[Sizes], tested: Mapping[str, float]) -> Iterator[str]:
+    for each in sizes:
+        yield (
+            f"{each.compiler}: constants {each.constants_bytes} bytes, code {each.code_bytes} "
+            f"bytes (-Os), RAM of a controller {each.ram_bytes} bytes"
         )
-        for each in sizes
-    ]
-    if tested:
-        rows += [
-            (
-                "QP iterations",
-                f"{tested['iterations_worst']:.0f} at most, median "
-                f"{tested['iterations_median']:.0f}, in {tested['periods']:.0f} recorded periods",
-            ),
-            (
-                "largest difference",
-                f"{tested['command_difference']:.1e} of an input's range in the command, "
-                f"{tested['plan_difference']:.1e} in the plan (at most {tested['tolerance']:.0e})",
-            ),
-            ("stack", f"{tested['stack_bytes']:.0f} bytes on this machine"),
-        ]
-    return rows or [("not measured", "there was no C compiler with make and size")]
+    if not tested:
+        yield "not measured: there was no C compiler with make and size"
+        return
+    yield (
+        f"QP iterations: {tested['iterations_worst']:.0f} at most, median "
+        f"{tested['iterations_median']:.0f}, in {tested['periods']:.0f} recorded periods"
+    )
+    yield (
+        f"largest difference: {tested['command_difference']:.1e} of an input's range in the "
+        f"command, {tested['plan_difference']:.1e} in the plan (at most {tested['tolerance']:.0e})"
+    )
+    yield f"stack: {tested['stack_bytes']:.0f} bytes on this machine"
 
 
 def _kb(size_bytes: int) -> str:

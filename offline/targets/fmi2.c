@@ -58,10 +58,10 @@ typedef struct {
     mdk_situation now;
     mdk_real sent[NEWEST + 1][MDK_INPUTS]; /* oldest first */
     mdk_controller law;
-    mdk_real *memory; /* of `law` */
     Logger logger;
     void *environment;
     char name[256];
+    mdk_real memory[]; /* of `law` */
 } Instance;
 
 /* Log the reason of a refused call. */
@@ -71,13 +71,6 @@ static Status refuse(const Instance *instance, const char *call, const char *rea
                          call, reason);
     }
     return ERROR;
-}
-
-static void reset(Instance *instance) {
-    instance->phase = INSTANTIATED;
-    memset(instance->reals, 0, sizeof instance->reals);
-    memset(instance->integers, 0, sizeof instance->integers);
-    mdk_init(&instance->law, &MDK_MODEL, instance->memory);
 }
 
 static void one_period(Instance *instance) {
@@ -103,32 +96,34 @@ EXPORT Status fmi2SetDebugLogging(void *component, int is_on, size_t n, const ch
     return OK; /* errors are always logged, nothing else is */
 }
 
-EXPORT void fmi2FreeInstance(void *component) {
-    if (component != NULL) {
-        free(((Instance *)component)->memory);
-        free(component);
-    }
+EXPORT void fmi2FreeInstance(void *component) { free(component); }
+
+EXPORT Status fmi2Reset(void *component) {
+    Instance *instance = component;
+    instance->phase = INSTANTIATED;
+    memset(instance->reals, 0, sizeof instance->reals);
+    memset(instance->integers, 0, sizeof instance->integers);
+    mdk_init(&instance->law, &MDK_MODEL, instance->memory);
+    return OK;
 }
 
 EXPORT void *fmi2Instantiate(const char *name, int type, const char *guid, const char *resources,
                              const Callbacks *callbacks, int is_visible, int is_logging) {
     const int co_simulation = 1;
-    Instance *instance = calloc(1, sizeof *instance);
+    const size_t memory = (size_t)mdk_memory(&MDK_MODEL) * sizeof(mdk_real);
+    Instance *instance = calloc(1, sizeof *instance + memory);
     if (instance == NULL) {
         return NULL;
     }
     instance->logger = callbacks == NULL ? NULL : callbacks->logger;
     instance->environment = callbacks == NULL ? NULL : callbacks->environment;
     snprintf(instance->name, sizeof instance->name, "%s", name == NULL ? "" : name);
-    instance->memory = calloc((size_t)mdk_memory(&MDK_MODEL), sizeof(mdk_real));
-    if (type != co_simulation || guid == NULL || strcmp(guid, FMU_GUID) != 0 ||
-        instance->memory == NULL) {
-        refuse(instance, "instance",
-               "expected co-simulation, the guid of the model description, and memory.");
+    if (type != co_simulation || guid == NULL || strcmp(guid, FMU_GUID) != 0) {
+        refuse(instance, "instance", "expected co-simulation, and the guid of the model description.");
         fmi2FreeInstance(instance);
         return NULL;
     }
-    reset(instance);
+    fmi2Reset(instance);
     return instance;
 }
 
@@ -162,11 +157,6 @@ EXPORT Status fmi2ExitInitializationMode(void *component) {
 
 EXPORT Status fmi2Terminate(void *component) {
     return change_phase(component, STEPPING, ENDED, IS_OVER);
-}
-
-EXPORT Status fmi2Reset(void *component) {
-    reset(component);
-    return OK;
 }
 
 EXPORT Status fmi2GetReal(void *component, const unsigned *references, size_t n, double *values) {

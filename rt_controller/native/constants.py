@@ -1,15 +1,10 @@
-"""The constants of a control law in C: those of a model, of its optimal control problem and limits.
+"""The constants of a control law in C: of a model, its optimal control problem and limits."""
 
-The named tuples are the structs of `c/mdk.h`, their fields in their order.
-"""
-
-from typing import NamedTuple
+from types import SimpleNamespace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rt_controller.config import MpcSettings
-from rt_controller.contract.arrays import Array
 from rt_controller.contract.car import UNNAMED_CAR
 from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.limits import (
@@ -33,105 +28,22 @@ from rt_controller.model.bundle import Bundle
 from rt_controller.model.dynamics import Step
 from rt_controller.native.network import Network, network_of
 
-Whole = NDArray[np.int32]
-Flags = NDArray[np.bool_]
 MIRROR_SIGNS = VehicleState(1.0, -1.0, -1.0, 1.0, -1.0, -1.0)
 """of the states when left and right are exchanged"""
-MAX_ITERATIONS = 150
-"""of the QP; recorded plans need 45 at most"""
+ITERATIONS_OF_INPUT = 4
+"""iterations of the QP for each number of v, at most; recorded plans need 45 in all, and random
+situations up to 3.6 a number"""
 
 
-class DynamicsConstants(NamedTuple):
-    """As `mdk_dynamics`."""
+class Struct(SimpleNamespace):
+    """A struct of `c/mdk.h`: its fields by their names, in their order.
 
-    n: int
-    m: int
-    even: int
-    gains: int
-    parts: tuple[int, ...]
-    place: Whole
-    A: Array
-    B: Array
-    c: Array
-    N: Array
-    S: Array
-    s0: Array
-    is_odd: Flags
-    is_linear: Flags
-    factor: Whole
-    has_path: bool
+    A tuple is an array inside the struct, a numpy array is behind a pointer.
+    """
 
 
-class ProblemConstants(NamedTuple):
-    """As `mdk_problem`."""
-
-    horizon: int
-    knots: int
-    stages: Whole
-    tracked: int
-    columns: Whole
-    ey: int
-    vx: int
-    has_course: bool
-    Q: Array
-    R: Array
-    R_next: Array
-    from_previous: tuple[float, ...]
-    lower: tuple[float, ...]
-    upper: tuple[float, ...]
-    slew: tuple[float, ...]
-    range: tuple[float, ...]
-    pedal_change: int
-    change_mps2: float
-    released: float
-    most_nominal_throttle: float
-    slowest_mps: float
-    max_iterations: int
-
-
-class EstimationConstants(NamedTuple):
-    """As `mdk_estimation`."""
-
-    gain: tuple[float, ...]
-    offset_gain: tuple[float, ...]
-    kept: tuple[float, ...]
-    low_pass: tuple[float, ...]
-    largest: tuple[float, ...]
-    moved_pedal: float
-    brake_n: float
-
-
-class EnvelopeConstants(NamedTuple):
-    """As `mdk_envelope`."""
-
-    lower: tuple[float, ...]
-    upper: tuple[float, ...]
-    change: tuple[float, ...]
-    released: tuple[float, ...]
-    steering_ratio: float
-    wheelbase_m: float
-    understeer: float
-    plan_mps2: float
-    accepted_mps2: float
-    least_rad: float
-    lock_rad: float
-    trained_rad: float
-
-
-class LawConstants(NamedTuple):
-    """As `mdk_model`."""
-
-    period_s: float
-    encoder: Network
-    dynamics: DynamicsConstants
-    problem: ProblemConstants
-    estimation: EstimationConstants
-    envelope: EnvelopeConstants
-    hold_periods: int
-
-
-def constants_of(bundle: Bundle, settings: MpcSettings) -> LawConstants:
-    """The constants of the MPC with this model and these settings.
+def constants_of(bundle: Bundle, settings: MpcSettings) -> Struct:
+    """`mdk_model` of the MPC with this model and these settings.
 
     Raises:
         ArtifactError: the encoder is not a network of offline-train.
@@ -150,12 +62,12 @@ def constants_of(bundle: Bundle, settings: MpcSettings) -> LawConstants:
     car = bundle.car or UNNAMED_CAR
     limits, network = car.limits, network_of(bundle)
     qp = CondensedQp(bundle, settings.horizon, settings.cost(), None, settings.knots)
-    return LawConstants(
+    return Struct(
         period_s=PERIOD_S,
         encoder=network,
         dynamics=_dynamics(bundle, network),
         problem=_problem(qp),
-        estimation=EstimationConstants(
+        estimation=Struct(
             gain=tuple(estimator.GAIN),
             offset_gain=tuple(estimator.OFFSET_GAIN),
             kept=tuple(estimator.KEPT.tolist()),
@@ -164,7 +76,7 @@ def constants_of(bundle: Bundle, settings: MpcSettings) -> LawConstants:
             moved_pedal=estimator.MOVED,
             brake_n=INPUT_LIMITS.upper.brake_n,
         ),
-        envelope=EnvelopeConstants(
+        envelope=Struct(
             lower=tuple(limits.lower),
             upper=tuple(limits.upper),
             change=tuple(rate * PERIOD_S for rate in limits.rate_per_s),
@@ -182,7 +94,7 @@ def constants_of(bundle: Bundle, settings: MpcSettings) -> LawConstants:
     )
 
 
-def _dynamics(bundle: Bundle, network: Network) -> DynamicsConstants:
+def _dynamics(bundle: Bundle, network: Network) -> Struct:
     step, movement, n = Step(bundle), bundle.movement, bundle.n_observables
     S, s0 = step.S, step.s0
     if movement is not None:
@@ -204,7 +116,7 @@ def _dynamics(bundle: Bundle, network: Network) -> DynamicsConstants:
     gains = np.argsort(kind, kind="stable")
     rows = np.append(gains, np.arange(step.count, len(S)))
     order_of_A = order[:m]
-    return DynamicsConstants(
+    return Struct(
         n=n,
         m=m,
         even=even,
@@ -224,9 +136,9 @@ def _dynamics(bundle: Bundle, network: Network) -> DynamicsConstants:
     )
 
 
-def _problem(qp: CondensedQp) -> ProblemConstants:
+def _problem(qp: CondensedQp) -> Struct:
     columns, R = qp.columns, qp.R
-    return ProblemConstants(
+    return Struct(
         horizon=qp.knots.horizon,
         knots=qp.knots.count,
         stages=np.array(qp.knots.stages, dtype=np.int32),
@@ -248,5 +160,5 @@ def _problem(qp: CondensedQp) -> ProblemConstants:
         released=RELEASED,
         most_nominal_throttle=MOST_NOMINAL_THROTTLE,
         slowest_mps=SLOWEST_MPS,
-        max_iterations=MAX_ITERATIONS,
+        max_iterations=ITERATIONS_OF_INPUT * qp.scale.size,
     )

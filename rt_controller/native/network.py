@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 from contextlib import suppress
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,7 +27,8 @@ _VARINT, _LENGTH, _FIXED_32 = 0, 2, 5
 """kinds of a field of protobuf; any other one has 8 bytes"""
 
 
-class Layer(NamedTuple):
+@dataclass(frozen=True)
+class Layer:
     """As `mdk_layer`."""
 
     inputs: int
@@ -37,7 +38,8 @@ class Layer(NamedTuple):
     biases: Numbers
 
 
-class Network(NamedTuple):
+@dataclass(frozen=True)
+class Network:
     """As `mdk_encoder`, its fields in their order."""
 
     layers: int = 0
@@ -106,7 +108,8 @@ def _read(bundle: Bundle) -> Network:
     while f"layers.{2 * len(layers)}.weight" in weights:
         weight, bias = (weights[f"layers.{2 * len(layers)}.{kind}"] for kind in ("weight", "bias"))
         layers.append(Layer(weight.shape[1], weight.shape[0], weight, bias))
-    operators = {_text(node, _OPERATOR) for number, node in _fields(graph) if number == _NODE}
+    nodes = (dict(_fields(node)) for number, node in _fields(graph) if number == _NODE)
+    operators = {node[_OPERATOR].decode() for node in nodes}
     columns = [*range(N_STATES if bundle.movement is None else MOTION.stop)]
     if bundle.lift.sees_exogenous:
         columns.append(N_STATES)
@@ -130,26 +133,13 @@ def _weights(graph: bytes) -> dict[str, Numbers]:
     """The constants of a graph that are of float32, by their names in the encoder."""
     found = {}
     for number, tensor in _fields(graph):
-        if number == _INITIALIZER and _is_float(tensor):
-            shape = [size for each, size in _fields(tensor) if each == _DIMENSIONS]
-            numbers = np.frombuffer(_bytes(tensor, _RAW), dtype="<f4")
-            name = _text(tensor, _NAME).removeprefix("encoders.0.").removeprefix("encoder.")
-            found[name] = numbers.reshape([int.from_bytes(size, "little") for size in shape])
+        parts = list(_fields(tensor)) if number == _INITIALIZER else []
+        one = dict(parts)
+        if one.get(_TYPE) == bytes([_FLOAT]) and _RAW in one:
+            shape = [int.from_bytes(size, "little") for kind, size in parts if kind == _DIMENSIONS]
+            name = one[_NAME].decode().removeprefix("encoders.0.").removeprefix("encoder.")
+            found[name] = np.frombuffer(one[_RAW], dtype="<f4").reshape(shape)
     return found
-
-
-def _is_float(tensor: bytes) -> bool:
-    return (_TYPE, bytes([_FLOAT])) in _fields(tensor) and any(
-        number == _RAW for number, _ in _fields(tensor)
-    )
-
-
-def _text(message: bytes, field: int) -> str:
-    return _bytes(message, field).decode()
-
-
-def _bytes(message: bytes, field: int) -> bytes:
-    return next(content for number, content in _fields(message) if number == field)
 
 
 def _fields(message: bytes) -> Iterator[tuple[int, bytes]]:

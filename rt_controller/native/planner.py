@@ -1,11 +1,16 @@
 """The control law in C in the loop of the controller, with PIQP as a check of its QP."""
 
+import ctypes
 import time
-from collections.abc import Sequence
-from ctypes import c_double, c_float
+from collections.abc import Mapping, Sequence
+from ctypes import byref, c_double, c_float
 from functools import partial
+from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.ctypeslib import as_array
+from numpy.typing import NDArray
 
 from rt_controller.config import MpcSettings
 from rt_controller.contract.arrays import Array
@@ -14,6 +19,7 @@ from rt_controller.contract.files import user_cache_folder
 from rt_controller.contract.signals import (
     AT_REST,
     N_INPUTS,
+    N_STATES,
     ControlInput,
     CurvaturePreview,
     PathReference,
@@ -25,87 +31,109 @@ from rt_controller.control.program import QuadraticProgram, SolveStatus
 from rt_controller.model.bundle import Bundle
 from rt_controller.model.roll_outs import DrivenStep
 from rt_controller.model.validation import require_drivable
+from rt_controller.native import structs
 from rt_controller.native.compiler import BUILT, FLOAT, compile_law, law_library_name
 from rt_controller.native.constants import constants_of
-from rt_controller.native.library import NativeLaw, Real
 
 LARGEST_DIFFERENCE = 1e-3
 """of the first input from that of PIQP, in units of its range: ten times the error of PIQP"""
-
-
-def open_law(bundle: Bundle, settings: MpcSettings, real: Real = c_double) -> NativeLaw:
-    """The law of a model and settings, compiled for this machine, with numbers of that type.
-
-    Raises:
-        ArtifactError, ConfigError: as `constants_of`.
-        MissingExtraError: it is not compiled, and this machine cannot compile it.
-    """
-    require_drivable(bundle)
-    cache = user_cache_folder()
-    folders = [BUILT, *([cache / "law"] if cache else [])]
-    options = FLOAT if real is c_float else ()
-    library = built_library(
-        "control law in C",
-        law_library_name(options),
-        folders,
-        partial(compile_law, options=options),
-    )
-    return NativeLaw(constants_of(bundle, settings), library, real)
-
-
-class NativeObserver:
-    """The observer of the law, with the methods of `StateObserver` that the loop needs."""
-
-    def __init__(self, law: NativeLaw) -> None:
-        self._law, self._place = law, law.constants.dynamics.place
-
-    @property
-    def psi(self) -> Array:
-        """(n,), the state that was lifted last."""
-        return self._law.psi[self._place]
-
-    def observe(self, state: VehicleState, held: ControlInput) -> VehicleState:
-        """As `StateObserver.observe`."""
-        return self._law.observe(state, held)
-
-    def observe_estimate(self, state: VehicleState, held: ControlInput) -> VehicleState:
-        """As `StateObserver.observe_estimate`."""
-        self._law.discard_estimates()
-        return self._law.observe(state, held)
-
-    def assume_steady(
-        self, state: VehicleState, curvature_per_m: float, applied: ControlInput
-    ) -> None:
-        """As `StateObserver.assume_steady`."""
-        self._law.assume_steady(state, curvature_per_m, applied)
+_BOUNDS = ("lower", "upper", "row_lower", "row_upper")
+"""of `mdk_qp` and of `QuadraticProgram`"""
 
 
 class NativePlanner:
-    """The law in C with the methods of `Mpc`.
+    """One `mdk_controller` with the methods of `Mpc`, and of its observer.
 
     After each plan PIQP solves the same QP. A first input that differs is a failure of the solver:
     from then on no plan is made.
     """
 
-    def __init__(self, bundle: Bundle, law: NativeLaw) -> None:
-        """`law` of this bundle, as of `open_law`."""
-        self._bundle, self._law = bundle, law
+    def __init__(
+        self,
+        bundle: Bundle,
+        settings: MpcSettings,
+        real: structs.Real = c_double,
+        is_checked: bool = True,
+    ) -> None:
+        """Numbers are of the type `real`. Without `is_checked` PIQP solves nothing.
+
+        Raises:
+            ArtifactError, ConfigError: as `require_drivable` and `constants_of`.
+            MissingExtraError: it is not compiled, and this machine cannot compile it.
+        """
+        require_drivable(bundle)
         self.name = f"{bundle.name} {bundle.sha256[:8]}, in C"
-        self.observer = NativeObserver(self._law)
-        self.inputs = self._law.inputs
+        self.constants = constants_of(bundle, settings)
         self.solve_ns = 0
         """time of the last plan"""
-        self.max_iterations: int | None = self._law.constants.problem.max_iterations
-        nv = len(self._law.qp["v"])
-        G = np.eye(nv) - np.eye(nv, k=-N_INPUTS)
-        self._program = QuadraticProgram(np.eye(nv), np.zeros(nv), G, G != 0.0, True)
-        self._copy_vectors()
-        self._piqp = PiqpSolver(self._program)
-        self._status = SolveStatus.NUMERICS
-        self._is_refuted = False
+        problem = self.constants.problem
+        self.max_iterations: int | None = problem.max_iterations
+        self._bundle, self._real = bundle, real
+        self._library = ctypes.CDLL(str(_compiled_law(real)))
+        for name, kind in (
+            ("mdk_size", ctypes.c_size_t),
+            ("mdk_inputs", ctypes.POINTER(real)),
+            ("mdk_lifted", ctypes.POINTER(real)),
+            ("mdk_last_qp", ctypes.POINTER(structs.qp(real))),
+        ):
+            getattr(self._library, name).restype = kind
+        self._kept: list[Any] = []
+        self._model = structs.to_c(self.constants, real, self._kept)
+        self._state, self._input = (real * N_STATES)(), (real * N_INPUTS)()
+        self._filtered = (real * N_STATES)()
+        self._situation: Any = structs.situation(real)()
+        self.memory_numbers: int = self._library.mdk_memory(byref(self._model))
+        """as `mdk_memory`"""
+        self._memory = (real * self.memory_numbers)()
+        self._self = ctypes.create_string_buffer(self._library.mdk_size())
+        self._call("mdk_init", byref(self._model), self._memory)
+        # Views of the memory of the law:
+        self.inputs: Array = as_array(self._call("mdk_inputs"), (problem.horizon, N_INPUTS))
+        """(N, 3), the last plan that was solved"""
+        self._psi: Array = as_array(self._call("mdk_lifted"), (self.constants.dynamics.n,))
+        self._place: NDArray[np.int32] = self.constants.dynamics.place
+        qp, nv = self._call("mdk_last_qp").contents, N_INPUTS * problem.knots
+        self.qp: dict[str, Array] = {
+            "H": as_array(qp.H, (nv, nv)),
+            **{name: as_array(getattr(qp, name), (nv,)) for name in ("f", "v", *_BOUNDS)},
+        }
+        """arrays of `mdk_qp`; of H its Cholesky factor"""
+        self._check = _PiqpCheck(self.qp) if is_checked else None
+        self._status, self._is_refuted = SolveStatus.NUMERICS, False
         self._x_0, self._curvature_per_m, self._path = AT_REST, 0.0, STRAIGHT_PATH
         self._preview: CurvaturePreview | None = None
         self._under_way: Sequence[ControlInput] = ()
+
+    def _call(self, name: str, *arguments: Any) -> Any:
+        return getattr(self._library, name)(self._self, *arguments)
+
+    @property
+    def observer(self) -> "NativePlanner":
+        """Itself: the law in C filters and lifts."""
+        return self
+
+    @property
+    def psi(self) -> Array:
+        """(n,), the state that was lifted last."""
+        return self._psi[self._place]
+
+    def observe(self, state: VehicleState, held: ControlInput) -> VehicleState:
+        """As `StateObserver.observe`."""
+        self._state[:], self._input[:] = state, held
+        self._call("mdk_observe", self._state, self._input, self._filtered)
+        return VehicleState(*self._filtered)
+
+    def observe_estimate(self, state: VehicleState, held: ControlInput) -> VehicleState:
+        """As `StateObserver.observe_estimate`."""
+        self._call("mdk_discard_estimates")
+        return self.observe(state, held)
+
+    def assume_steady(
+        self, state: VehicleState, curvature_per_m: float, applied: ControlInput
+    ) -> None:
+        """As `StateObserver.assume_steady`."""
+        self._state[:], self._input[:] = state, applied
+        self._call("mdk_assume_steady", self._state, self._real(curvature_per_m), self._input)
 
     def plan(
         self,
@@ -120,7 +148,16 @@ class NativePlanner:
         begun_ns = time.perf_counter_ns()
         self._x_0, self._curvature_per_m, self._path = x_0, curvature_per_m, path
         self._preview, self._under_way = preview, under_way
-        self._status = self._law.plan(x_0, curvature_per_m, path, previous, preview, under_way)
+        now = self._situation
+        self._state[:], now.curvature_per_m = x_0, curvature_per_m
+        now.path[:], now.previous[:] = path, previous
+        now.has_preview = preview is not None
+        if preview is not None:
+            now.preview[:] = preview
+        now.n_under_way = len(under_way)
+        for i, each in enumerate(under_way):
+            now.under_way[i][:] = each
+        self._status = SolveStatus(self._call("mdk_plan", self._state, byref(now)))
         self.solve_ns = time.perf_counter_ns() - begun_ns
         if self._is_refuted:
             self._status = SolveStatus.NUMERICS
@@ -128,31 +165,10 @@ class NativePlanner:
 
     def prepare(self) -> None:
         """Check the last plan, and prepare the next one."""
-        if self._status is SolveStatus.SOLVED:
-            self._is_refuted = self._differs_from_piqp()
+        if self._check is not None and self._status is SolveStatus.SOLVED:
+            self._is_refuted = self._check.refutes()
         self._status = SolveStatus.NUMERICS
-        self._law.prepare()
-
-    def _differs_from_piqp(self) -> bool:
-        qp, program = self._law.qp, self._program
-        L = np.tril(qp["H"]).astype(np.float64)
-        np.dot(L, L.T, out=program.P)
-        self._copy_vectors()
-        if not (self._piqp.update_matrices() and self._piqp.solve() is SolveStatus.SOLVED):
-            return False  # the reference has no solution
-        difference = np.abs(self._piqp.solution[:N_INPUTS] - qp["v"][:N_INPUTS])
-        return not float(difference.max()) <= LARGEST_DIFFERENCE
-
-    def _copy_vectors(self) -> None:
-        qp, program = self._law.qp, self._program
-        for found, name in (
-            (program.q, "f"),
-            (program.lower, "lower"),
-            (program.upper, "upper"),
-            (program.row_lower, "row_lower"),
-            (program.row_upper, "row_upper"),
-        ):
-            found[:] = qp[name]
+        self._call("mdk_prepare")
 
     def warm_up(self) -> None:
         """Do nothing: a plan needs little of the caches."""
@@ -160,21 +176,22 @@ class NativePlanner:
     def forget(self) -> None:
         """As `Mpc.forget`."""
         self._status = SolveStatus.NUMERICS
-        self._law.forget()
+        self._call("mdk_forget")
 
     def reset(self) -> None:
         """As `Mpc.reset`."""
         self._is_refuted = False
         self.forget()
-        self._law.discard_estimates()
+        self._call("mdk_discard_estimates")
 
     def resume(self, previous: ControlInput) -> None:
         """As `Mpc.resume`."""
-        self._law.resume(previous)
+        self._input[:] = previous
+        self._call("mdk_resume", self._input)
 
     def limit_steering(self, most_rad: float, rate_radps: float) -> None:
         """As `Mpc.limit_steering`."""
-        self._law.limit_steering(most_rad, rate_radps)
+        self._call("mdk_limit_steering", self._real(most_rad), self._real(rate_radps))
 
     def limit_solve_time(self, budget_ns: int) -> None:
         """Do nothing: the number of iterations is limited."""
@@ -182,7 +199,7 @@ class NativePlanner:
     @property
     def iterations(self) -> int:
         """Of the last QP."""
-        return self._law.iterations
+        return int(self._call("mdk_iterations"))
 
     @property
     def periods_under_way(self) -> int:
@@ -193,7 +210,7 @@ class NativePlanner:
         """As `Mpc.predicted_states`."""
         if self._status is not SolveStatus.SOLVED:
             return None
-        psi, step = self.observer.psi, DrivenStep(self._bundle)
+        psi, step = self.psi, DrivenStep(self._bundle)
         for each in self._under_way:
             psi = step(psi, each, self._curvature_per_m)
         return predict_states(
@@ -206,3 +223,37 @@ class NativePlanner:
             self._preview,
             len(self._under_way),
         )
+
+
+class _PiqpCheck:
+    """PIQP on the QP that the law solved last."""
+
+    def __init__(self, qp: Mapping[str, Array]) -> None:
+        self._qp, nv = qp, len(qp["v"])
+        G = np.eye(nv) - np.eye(nv, k=-N_INPUTS)
+        self._program = QuadraticProgram(np.eye(nv), np.zeros(nv), G, G != 0.0, True)
+        self._copy_vectors()
+        self._piqp = PiqpSolver(self._program)
+
+    def refutes(self) -> bool:
+        """True if PIQP finds another first input."""
+        L = np.tril(self._qp["H"]).astype(np.float64)
+        np.dot(L, L.T, out=self._program.P)
+        self._copy_vectors()
+        if not (self._piqp.update_matrices() and self._piqp.solve() is SolveStatus.SOLVED):
+            return False  # the reference has no solution
+        difference = np.abs(self._piqp.solution[:N_INPUTS] - self._qp["v"][:N_INPUTS])
+        return not float(difference.max()) <= LARGEST_DIFFERENCE
+
+    def _copy_vectors(self) -> None:
+        self._program.q[:] = self._qp["f"]
+        for name in _BOUNDS:
+            getattr(self._program, name)[:] = self._qp[name]
+
+
+def _compiled_law(real: structs.Real) -> Path:
+    cache = user_cache_folder()
+    folders = [BUILT, *([cache / "law"] if cache else [])]
+    options = FLOAT if real is c_float else ()
+    name, compile_into = law_library_name(options), partial(compile_law, options=options)
+    return built_library("control law in C", name, folders, compile_into)

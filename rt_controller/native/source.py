@@ -4,13 +4,13 @@ from typing import Any
 
 import numpy as np
 
-from rt_controller.native.constants import LawConstants
+from rt_controller.native.constants import Struct
 
 _PER_LINE = 8
 _KINDS = {"f8": "mdk_real", "f4": "float", "i4": "int", "b1": "bool"}
 
 
-def model_source(constants: LawConstants, name: str) -> str:
+def model_source(constants: Struct, name: str) -> str:
     """A C file that defines `const mdk_model name`."""
     arrays: list[str] = []
     value = _initialiser(constants, "model", arrays)
@@ -30,17 +30,17 @@ def _initialiser(value: Any, name: str, arrays: list[str]) -> str:
         rows = (", ".join(numbers[i : i + _PER_LINE]) for i in range(0, len(numbers), _PER_LINE))
         arrays.append(f"static const {kind} {name}[] = {{\n    " + ",\n    ".join(rows) + "};\n")
         return name
+    if hasattr(value, "__dict__"):
+        parts = {
+            field: _initialiser(v, f"{name}_{field}", arrays) for field, v in vars(value).items()
+        }
+        return "{" + ", ".join(f".{field} = {text}" for field, text in parts.items()) + "}"
     if not isinstance(value, tuple):
         return _number(value)
-    if hasattr(value, "_fields"):
-        named = zip(value._fields, value, strict=True)
-        parts = [f".{field} = {_initialiser(v, f'{name}_{field}', arrays)}" for field, v in named]
-        return "{" + ", ".join(parts) + "}"
-    parts = [_initialiser(each, f"{name}_{i}", arrays) for i, each in enumerate(value)]
-    text = "{" + ", ".join(parts) + "}"
-    if not hasattr(value[0], "_fields"):
-        return text
-    arrays.append(f"static const mdk_layer {name}[] = {text};\n")
+    text = ", ".join(_initialiser(each, f"{name}_{i}", arrays) for i, each in enumerate(value))
+    if not hasattr(value[0], "__dict__"):
+        return f"{{{text}}}"
+    arrays.append(f"static const mdk_layer {name}[] = {{{text}}};\n")
     return name
 
 

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from benchmarks.native.parity import c_planner
-from benchmarks.native.situations import random_calls
-from rt_controller.contract.signals import N_INPUTS
+from benchmarks.native.situations import random_situations
+from offline.targets.recorded_drives import plan
+from rt_controller.contract.signals import ControlInput
 from rt_controller.control.program import SolveStatus
 from rt_controller.model.bundle import Bundle
-from rt_controller.native.constants import MAX_ITERATIONS
 
 SPECIAL = (nan, inf, -inf, 1e30, -1e30, 1e-310, 0.0, -1.0, 1e-9, 1e6)
 
@@ -28,28 +28,13 @@ def changed(rng, numbers):
     return type(numbers)(*(*numbers[:place], float(value), *numbers[place + 1 :]))
 
 
-def fuzzed(rng, arguments):
-    """Arguments of `observe` or `plan`, of which one number in two calls is changed."""
-    places = [i for i, each in enumerate(arguments) if hasattr(each, "_fields")]
-    found = list(arguments)
-    if rng.random() < 0.5:
-        i = rng.choice(places)
-        found[i] = changed(rng, found[i])
-    return found
-
-
-def planned(planner, calls, rng=None):
-    """Status of each plan, its arguments, and its inputs."""
-    x_0 = None
-    for name, arguments in calls:
-        now = fuzzed(rng, arguments) if rng and name in ("observe", "plan") else list(arguments)
-        if name == "observe":
-            x_0 = planner.observer.observe(*now)
-        elif name == "plan":
-            now[0] = x_0
-            yield planner.plan(*now), now, planner.inputs.copy()
-        else:
-            getattr(planner, name)(*now)
+def fuzzed(rng, situations):
+    """The situations; in half of them one number is changed."""
+    for now in situations:
+        places = [name for name, each in now._asdict().items() if hasattr(each, "_fields")]
+        name = rng.choice(places)
+        other = {name: changed(rng, getattr(now, name))} if rng.random() < 0.5 else {}
+        yield now._replace(**other)
 
 
 @pytest.mark.parametrize("real", [c_double, c_float])
@@ -57,37 +42,35 @@ def planned(planner, calls, rng=None):
 def test_plans_stay_finite_and_the_last_one_is_held(bundle, real, count):
     planner, rng = c_planner(bundle, real), np.random.default_rng(1)
     solved, last = 0, planner.inputs.copy()
-    for status, now, inputs in planned(planner, random_calls(bundle, count, 2), rng):
-        assert planner.iterations <= MAX_ITERATIONS
-        assert np.isfinite(inputs).all()
-        if status is SolveStatus.SOLVED:
+    for now in fuzzed(rng, random_situations(bundle, count, 2)):
+        planned = plan(planner, now)
+        assert planned.iterations <= planner.max_iterations
+        assert np.isfinite(planned.inputs).all()
+        if planned.status is SolveStatus.SOLVED:
             solved += 1
-            read = (now[0], (now[1],), now[2], now[3])
+            read = (now.state[:3], now.state[4:], (now.curvature_per_m,), now.path, now.previous)
             assert not any(np.isnan(each).any() for each in read)
         else:
-            assert np.array_equal(inputs, last)
-        last = inputs
+            assert np.array_equal(planned.inputs, last)
+        last = planned.inputs
     assert 0.5 * count < solved < count
 
 
 @pytest.mark.parametrize("real", [c_double, c_float])
 def test_nothing_of_senseless_numbers_stays_after_a_reset(bundle, real):
     used, new = c_planner(bundle, real), c_planner(bundle, real)
-    list(planned(used, random_calls(bundle, 100, 3), np.random.default_rng(4)))
-    calls = list(random_calls(bundle, 20, 5))
-    for one, other in zip(planned(used, calls), planned(new, calls), strict=True):
-        assert one[0] is other[0]
-        assert one[2] == pytest.approx(other[2], abs=1e-6 if real is c_double else 0.1)
+    for now in fuzzed(np.random.default_rng(4), random_situations(bundle, 100, 3)):
+        plan(used, now)
+    for now in random_situations(bundle, 20, 5):
+        one, other = plan(used, now), plan(new, now)
+        assert one.status is other.status
+        assert one.inputs == pytest.approx(other.inputs, abs=1e-6 if real is c_double else 0.1)
 
 
 @pytest.mark.parametrize("value", [nan, inf])
-@pytest.mark.parametrize("place", range(N_INPUTS))
-def test_a_previous_input_that_is_no_number_gives_no_plan(bundle, value, place):
+@pytest.mark.parametrize("name", ControlInput._fields)
+def test_a_previous_input_that_is_no_number_gives_no_plan(bundle, value, name):
     planner = c_planner(bundle)
-    for call in random_calls(bundle, 2, 6):
-        if call.name == "observe":
-            x_0 = planner.observer.observe(*call.arguments)
-        elif call.name == "plan":
-            _, kappa, path, previous, *rest = call.arguments
-            previous = previous._replace(**{previous._fields[place]: value})
-            assert planner.plan(x_0, kappa, path, previous, *rest) is not SolveStatus.SOLVED
+    for now in random_situations(bundle, 2, 6):
+        previous = now.previous._replace(**{name: value})
+        assert plan(planner, now._replace(previous=previous)).status is not SolveStatus.SOLVED

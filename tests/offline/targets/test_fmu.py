@@ -19,18 +19,17 @@ from made_models import made
 
 from offline.commands import export
 from offline.targets.fmu import write_fmu
-from rt_controller import Bundle, ControlInput, MpcSettings, Observation, simulate
+from offline.targets.recorded_drives import RecordedLaw
+from rt_controller import Bundle, ControlInput, MpcSettings, simulate
 from rt_controller.contract.errors import (
     ArtifactError,
     ConfigError,
     MissingExtraError,
     RtControllerError,
 )
-from rt_controller.contract.limits import INPUT_LIMITS
 from rt_controller.contract.timing import PERIOD_S
 from rt_controller.control.program import SolveStatus
-from rt_controller.native.planner import open_law
-from rt_controller.safety.envelope import limit
+from rt_controller.native.planner import NativePlanner
 
 EXAMPLE = Path(__file__).parents[3] / "examples" / "controller_fmu.py"
 ROLLING = {"vx_mps": 20.0, "ds_m": 0.5, "path.v_mps": 20.0, "ey_m": 0.3}
@@ -94,30 +93,6 @@ def fmu(file: Path) -> Fmu:
     return Fmu(file).start()
 
 
-class LawInC:
-    """The same law through its functions: what it sent last is what it remembers."""
-
-    def reset(self) -> None:
-        self.law = open_law(Bundle.load("mdk-net"), MpcSettings())
-        self.sent: list[ControlInput] = []
-
-    def control(self, now: Observation) -> ControlInput:
-        delay = len(now.under_way)
-        if not self.sent:
-            self.sent = [now.previous] * (delay + 1)
-            self.law.resume(now.previous)
-        sent = self.sent
-        x_0 = self.law.observe(now.state, sent[-1 - delay])
-        under_way = sent[len(sent) - delay :]
-        self.law.limit_steering(now.most_steer_rad, inf)
-        status = self.law.plan(x_0, now.curvature_per_m, now.path, sent[-1], now.preview, under_way)
-        assert status is SolveStatus.SOLVED
-        limits = INPUT_LIMITS.with_wheel(now.most_steer_rad)
-        sent.append(limit(ControlInput(*self.law.inputs[0].tolist()), sent[-1], limits))
-        self.law.prepare()
-        return sent[-1]
-
-
 def test_fmpy_finds_no_problem_and_every_variable_has_a_description_and_a_unit(file: Path) -> None:
     assert validate_fmu(str(file)) == []
     description = fmpy.read_model_description(str(file))
@@ -147,8 +122,9 @@ def test_it_drives_as_the_law_in_c_and_as_the_controller_and_again_after_a_reset
     law = runpy.run_path(str(EXAMPLE))["FmuLaw"](file)
     driven = simulate("double_lane_change", controller=law).errors
     assert simulate("double_lane_change", controller=law).errors == driven
-    in_c = simulate("double_lane_change", controller=LawInC()).errors
-    assert [*driven] == pytest.approx([*in_c], abs=1e-9, rel=0.0)
+    in_c = RecordedLaw(NativePlanner(Bundle.load("mdk-net"), MpcSettings(), is_checked=False))
+    expected = simulate("double_lane_change", controller=in_c).errors
+    assert [*driven] == pytest.approx([*expected], abs=1e-9, rel=0.0)
     controller = simulate("double_lane_change").errors
     assert driven.ey_rms_m == pytest.approx(controller.ey_rms_m, abs=1e-3)
     assert driven.ey_peak_m == pytest.approx(controller.ey_peak_m, abs=1e-3)
