@@ -98,7 +98,7 @@ class TrainingConfig(Settings):
     """alpha_1 of eq. (13)"""
     weight_multi_step: Weight = 1.0
     """alpha_2 of eq. (13)"""
-    weight_stability: Weight = 20.0
+    weight_stability: Weight = 50.0
     """alpha_3 of eq. (13)"""
     weight_regularisation: Weight = 1e-4
     """alpha_4 of eq. (13)"""

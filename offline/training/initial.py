@@ -53,8 +53,7 @@ def with_structure_of(
     Raises:
         ConfigError: the explicit settings contradict the structure, or the bundle has none.
     """
-    # The shipped model was trained before this setting existed, with mirrored windows.
-    trained = {"symmetry": "trained", **json.loads(bundle.training)}
+    trained = json.loads(bundle.training)
     if not set(STRUCTURE) <= set(trained):
         raise ConfigError(
             f"--init: expected a bundle of a network that this version trained, found "

@@ -19,6 +19,9 @@ from rt_controller.model.roll_outs import STEPS, DrivenStep, OneStep, RollOuts
 MOTION_GAIN = 0.12
 """share of what a prediction did not explain of v_y and yaw rate that becomes disturbance in one
 period; the faster, the sooner a model that is wrong about the gain of its steering oscillates"""
+FAST_MPS = 22.0
+"""in a faster car the share is (FAST_MPS / v_x)^6 as large: the motion of a car that is less damped
+than that of the model follows the wheel later, and would oscillate"""
 SPEED_GAIN, PLACE_GAIN = 0.03, 0.04
 """the same of v_x, and of e_y and e_psi"""
 MOVED = 0.03
@@ -30,10 +33,11 @@ KEPT = np.array(VehicleState(1.0, 0.95, 0.95, 0.0, 1.0, 1.0))
 LARGEST_DISTURBANCE = np.array(VehicleState(0.1, 0.1, 0.05, 0.0, 0.01, 0.005))
 """change of each state in one period"""
 
-GAIN = VehicleState(1.0, 0.25, 0.7, 1.0, 0.05, 0.05)
+GAIN = VehicleState(1.0, 1.0, 0.7, 1.0, 0.05, 0.05)
 """share of the difference between the measured and the predicted state that is taken over in one
-period: the noise of a sensor is averaged where the prediction is good"""
-OFFSET_GAIN = VehicleState(0.0, 0.03, 0.0, 0.0, 0.001, 0.001)
+period: the noise of a sensor is averaged where the prediction is good; that of v_y is measured, since
+the prediction of another car at speed is late"""
+OFFSET_GAIN = VehicleState(0.0, 0.0, 0.0, 0.0, 0.001, 0.001)
 """the same of the offset of the prediction: with it a wrong model or a sensor with an offset leaves
 no constant difference"""
 
@@ -209,6 +213,8 @@ class Estimator:
             found = self._response.cause(STEPS, error, float(psi[StateColumn.vx_mps]))
             change = self._low_pass * (found - self.disturbance)
             change[StateColumn.vx_mps] *= steady
+            fast = FAST_MPS / max(float(psi[StateColumn.vx_mps]), FAST_MPS)
+            change[[StateColumn.vy_mps, StateColumn.yaw_rate_radps]] *= fast**6
             self.disturbance += change
             np.clip(
                 self.disturbance, -LARGEST_DISTURBANCE, LARGEST_DISTURBANCE, out=self.disturbance

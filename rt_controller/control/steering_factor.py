@@ -33,6 +33,8 @@ class SteeringFactor:
         self.value = 1.0
         self._predicted = self._measured = 0.0
         """averages, in rad/s; of the prediction with a factor of 1"""
+        self._share = 1.0
+        """of the next yaw rate in them: first they are the mean of all"""
 
     def of_model(self, control: ControlInput) -> ControlInput:
         """The input with which the car of the model moves as this car does with `control`."""
@@ -41,8 +43,9 @@ class SteeringFactor:
     def learn(self, predicted_radps: float, measured_radps: float) -> None:
         """Learn from the yaw rate of now, and from that which was predicted with `value`."""
         of_one_radps = predicted_radps / self.value
-        self._predicted += AVERAGED * (of_one_radps - self._predicted)
-        self._measured += AVERAGED * (measured_radps - self._measured)
+        self._predicted += self._share * (of_one_radps - self._predicted)
+        self._measured += self._share * (measured_radps - self._measured)
+        self._share = max(self._share / (1.0 + self._share), AVERAGED)
         predicted, measured = of_one_radps - self._predicted, measured_radps - self._measured
         inverse = 1.0 / self.value
         inverse += measured * (predicted - inverse * measured) / (INFORMATION + measured**2)

@@ -21,7 +21,7 @@ from rt_controller.contract.signals import (
     VehicleState,
 )
 from rt_controller.contract.timing import HOLD_PLAN_TICKS, PERIOD_S
-from rt_controller.control import estimator, pedals
+from rt_controller.control import estimator, pedals, steering_factor
 from rt_controller.control.eq14 import RELEASED, SLOWEST_MPS, CondensedQp
 from rt_controller.control.mpc import MOST_NOMINAL_THROTTLE
 from rt_controller.model.bundle import Bundle
@@ -75,6 +75,11 @@ def constants_of(bundle: Bundle, settings: MpcSettings) -> Struct:
             largest=tuple(estimator.LARGEST_DISTURBANCE.tolist()),
             moved_pedal=estimator.MOVED,
             brake_n=INPUT_LIMITS.upper.brake_n,
+            fast_mps=estimator.FAST_MPS,
+            smallest_factor=steering_factor.SMALLEST,
+            largest_factor=steering_factor.LARGEST,
+            information=steering_factor.INFORMATION,
+            averaged=steering_factor.AVERAGED,
         ),
         envelope=Struct(
             lower=tuple(limits.lower),

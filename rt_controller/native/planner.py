@@ -72,6 +72,7 @@ class NativePlanner:
         self._library = ctypes.CDLL(str(_compiled_law(real)))
         for name, kind in (
             ("mdk_size", ctypes.c_size_t),
+            ("mdk_steering_factor", real),
             ("mdk_inputs", ctypes.POINTER(real)),
             ("mdk_lifted", ctypes.POINTER(real)),
             ("mdk_last_qp", ctypes.POINTER(structs.qp(real))),
@@ -211,12 +212,14 @@ class NativePlanner:
         if self._status is not SolveStatus.SOLVED:
             return None
         psi, step = self.psi, DrivenStep(self._bundle)
+        factor = float(self._call("mdk_steering_factor"))
         for each in self._under_way:
-            psi = step(psi, each, self._curvature_per_m)
+            of_model = each._replace(steer_rad=factor * each.steer_rad)
+            psi = step(psi, of_model, self._curvature_per_m)
         return predict_states(
             self._bundle,
             psi,
-            self.inputs,
+            self.inputs * (1.0, 1.0, factor),
             self._x_0,
             self._curvature_per_m,
             self._path,

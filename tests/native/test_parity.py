@@ -22,10 +22,18 @@ def require_parity(found, double=DOUBLE, single=FLOAT):
 
 
 @pytest.mark.parametrize("model", MODELS)
-@pytest.mark.parametrize("scenario", ["lane_change_60", "road_course"])
-def test_recorded_plans_are_those_of_the_exact_solution(model, scenario):
-    bundle = Bundle.load(model)
-    found = compare([record_drive(bundle, ControllerConfig(), scenario, duration_s=3.0)], bundle)
+@pytest.mark.parametrize(
+    ("scenario", "plant", "duration_s"),
+    [
+        ("lane_change_60", "own", 3.0),
+        ("road_course", "own", 3.0),
+        ("double_lane_change", "commonroad:1", 6.0),  # a steering factor of another car
+    ],
+)
+def test_recorded_plans_are_those_of_the_exact_solution(model, scenario, plant, duration_s):
+    bundle, config = Bundle.load(model), ControllerConfig()
+    drive = record_drive(bundle, config, scenario, plant=plant, duration_s=duration_s)
+    found = compare([drive], bundle)
     for plans in found.values():
         assert len(plans.is_solved) >= 100
         assert plans.is_solved.all()

@@ -67,12 +67,13 @@ void mdk_limit_steering(mdk_controller *c, mdk_real most_rad, mdk_real rate_radp
     const mdk_problem *p = &c->model->problem;
     mdk_qp *qp = &c->qp;
     const mdk_real usual = p->slew[MDK_STEER] * p->range[MDK_STEER] / c->model->period_s;
-    const mdk_real share = smaller(rate_radps / usual, R(1));
+    const mdk_real factor = c->steering.factor;
+    const mdk_real share = factor * smaller(rate_radps / usual, R(1));
     for (int i = MDK_STEER; i < qp->size; i += MDK_INPUTS) {
         const int knot = i / MDK_INPUTS;
         const int periods = knot == 0 ? 1 : p->stages[knot] - p->stages[knot - 1];
         const mdk_real slew = share * p->slew[MDK_STEER] * R(periods);
-        qp->upper[i] = most_rad / p->range[MDK_STEER];
+        qp->upper[i] = factor * most_rad / p->range[MDK_STEER];
         qp->lower[i] = -qp->upper[i];
         qp->row_lower[i] = -slew;
         qp->row_upper[i] = slew;

@@ -27,7 +27,11 @@ static void choose_nominal_inputs(mdk_controller *c) {
     for (int j = 0; j < p->knots; j++) {
         const int stage = p->stages[j] + 1 < p->horizon ? p->stages[j] + 1 : p->horizon - 1;
         mdk_real *u = e->u_nominal + j * MDK_INPUTS;
-        copy(MDK_INPUTS, c->has_plan ? e->inputs + stage * MDK_INPUTS : e->u_prev, u);
+        if (c->has_plan) {
+            mdk_of_model(c, e->inputs + stage * MDK_INPUTS, u);
+        } else {
+            copy(MDK_INPUTS, e->u_prev, u);
+        }
         u[MDK_THROTTLE] = smaller(u[MDK_THROTTLE], p->most_nominal_throttle);
     }
 }

@@ -127,8 +127,28 @@ void mdk_assume_steady(mdk_controller *c, const mdk_real state[MDK_STATES], mdk_
     }
 }
 
+/* Learn how far the car turns, from the yaw rate of now and from that which was predicted for it. The
+ * prediction is explained by the measurement: a wheel that only compensates a side wind teaches
+ * nothing. */
+static void learn_steering(mdk_controller *c, mdk_real predicted_radps, mdk_real measured_radps) {
+    const mdk_estimation *shares = &c->model->estimation;
+    mdk_steering *s = &c->steering;
+    const mdk_real of_one_radps = predicted_radps / s->factor;
+    if (!isfinite(of_one_radps + measured_radps)) {
+        return;
+    }
+    s->predicted += s->share * (of_one_radps - s->predicted);
+    s->measured += s->share * (measured_radps - s->measured);
+    s->share = larger(s->share / (R(1) + s->share), shares->averaged);
+    const mdk_real predicted = of_one_radps - s->predicted, measured = measured_radps - s->measured;
+    mdk_real inverse = R(1) / s->factor;
+    const mdk_real error = predicted - inverse * measured;
+    inverse += measured * error / (shares->information + measured * measured);
+    s->factor = R(1) / limited(inverse, R(1) / shares->largest_factor, R(1) / shares->smallest_factor);
+}
+
 /* Begin a prediction at the lifted state; advance all by a period in which `acting` acts. The error
- * of the one that began ten periods ago changes the disturbance. */
+ * of the one that began ten periods ago changes steering factor and disturbance. */
 void mdk_advance(mdk_controller *c, const mdk_real acting[MDK_INPUTS]) {
     const mdk_dynamics *model = &c->model->dynamics;
     const mdk_estimation *shares = &c->model->estimation;
@@ -147,16 +167,22 @@ void mdk_advance(mdk_controller *c, const mdk_real acting[MDK_INPUTS]) {
             const int column = model->place[i];
             error[i] = c->psi[column] - oldest[column];
         }
+        const int yaw_rate = model->place[MDK_YAW_RATE];
+        learn_steering(c, oldest[yaw_rate], c->psi[yaw_rate]);
         cause(c->model, error, c->psi[MDK_VX], found);
+        const mdk_real fast = shares->fast_mps / larger(c->psi[MDK_VX], shares->fast_mps);
+        const mdk_real third = fast * fast * fast;
+        const mdk_real parts[MDK_STATES] = {steady, third * third, third * third, R(1), R(1), R(1)};
         for (int i = 0; i < MDK_STATES; i++) {
-            const mdk_real share = shares->low_pass[i] * (i == MDK_VX ? steady : R(1));
+            const mdk_real share = shares->low_pass[i] * parts[i];
             const mdk_real changed = e->disturbance[i] + share * (found[i] - e->disturbance[i]);
             e->disturbance[i] = limited(changed, -shares->largest[i], shares->largest[i]);
         }
     }
     copy(n, c->psi, e->psi + e->newest * n);
     e->begun++;
-    const mdk_real inputs[MDK_SIGNALS] = {acting[0], acting[1], acting[2], c->kappa};
+    mdk_real inputs[MDK_SIGNALS] = {R(0), R(0), R(0), c->kappa};
+    mdk_of_model(c, acting, inputs);
     for (int i = 0; i < MDK_BEGUN; i++) {
         mdk_one_step(model, c->gains, e->psi + i * n, inputs, e->following);
         copy(n, e->following, e->psi + i * n);

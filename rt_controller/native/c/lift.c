@@ -9,7 +9,7 @@ void mdk_remember(mdk_controller *c, const mdk_real x_0[MDK_STATES],
     if (rows > 0) {
         mdk_real row[MDK_HISTORY];
         copy(MDK_DS, c->has_present ? c->present : x_0, row);
-        copy(MDK_INPUTS, held, row + MDK_DS);
+        mdk_of_model(c, held, row + MDK_DS);
         mdk_real *last = c->history + (rows - 1) * MDK_HISTORY;
         if (c->has_present) {
             memmove(c->history, c->history + MDK_HISTORY,

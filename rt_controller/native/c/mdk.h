@@ -111,11 +111,13 @@ typedef struct {
     int max_iterations;
 } mdk_problem;
 
-/* Filter and disturbance: shares that are taken over in one period. */
+/* Filter and disturbance: shares that are taken over in one period. Bounds of the steering factor, and
+ * how fast it is learned. */
 typedef struct {
     mdk_real gain[MDK_STATES], offset_gain[MDK_STATES];
     mdk_real kept[MDK_STATES], low_pass[MDK_STATES], largest[MDK_STATES];
-    mdk_real moved_pedal, brake_n;
+    mdk_real moved_pedal, brake_n, fast_mps;
+    mdk_real smallest_factor, largest_factor, information, averaged;
 } mdk_estimation;
 
 /* The last check of a command, and the bound of the wheel by the speed: `least_rad`, or more at low
@@ -182,6 +184,9 @@ const mdk_real *mdk_inputs(const mdk_controller *c);
 
 /* The state that was lifted last, [n] in the order of `mdk_dynamics`. */
 const mdk_real *mdk_lifted(const mdk_controller *c);
+
+/* The gain from the wheel to the yaw rate, relative to that of the model. */
+mdk_real mdk_steering_factor(const mdk_controller *c);
 
 /* Of the last QP: iterations, and all of it, its Hessian as the factor L in the lower half of H. */
 int mdk_iterations(const mdk_controller *c);

@@ -51,6 +51,12 @@ typedef struct {
     int pedal, periods_until_pressed; /* the pedal in use; the other one is released */
 } mdk_eq14;
 
+/* The gain from the wheel to the yaw rate, relative to that of the model, and averages of the yaw rate
+ * that was predicted with a factor of 1, and of the measured one, with the share of the next one. */
+typedef struct {
+    mdk_real factor, predicted, measured, share;
+} mdk_steering;
+
 typedef struct {
     mdk_real before[MDK_STATES], offset[MDK_STATES], disturbance[MDK_STATES];
     mdk_real pedals; /* throttle less brake, averaged */
@@ -70,6 +76,7 @@ typedef struct {
     mdk_real *gains;                        /* [gains + 3] */
     mdk_real kappa;                         /* of the road in the last period */
     mdk_estimator estimator;
+    mdk_steering steering;
     mdk_eq14 eq14;
     mdk_qp qp;
     mdk_real acting[MDK_INPUTS]; /* the input that acts after the state of the last plan */

@@ -114,6 +114,13 @@ static inline mdk_real factor_of(const mdk_dynamics *model, int gain,
     return model->factor[gain] < MDK_SIGNALS ? inputs[model->factor[gain]] : R(1);
 }
 
+/* The input with which the car of the model moves as this one does. */
+static inline void mdk_of_model(const mdk_controller *c, const mdk_real input[MDK_INPUTS],
+                                mdk_real found[MDK_INPUTS]) {
+    copy(MDK_INPUTS, input, found);
+    found[MDK_STEER] *= c->steering.factor;
+}
+
 /* lift.c */
 void mdk_lift(mdk_controller *c, const mdk_real x_0[MDK_STATES], mdk_real kappa);
 void mdk_remember(mdk_controller *c, const mdk_real x_0[MDK_STATES],

@@ -102,6 +102,7 @@ void mdk_discard_estimates(mdk_controller *c) {
     c->estimator.begun = 0;
     set_zero(MDK_STATES, c->estimator.disturbance);
     c->estimator.pedals = R(0);
+    c->steering = (mdk_steering){R(1), R(0), R(0), R(1)};
 }
 
 void mdk_reset(mdk_controller *c, const mdk_real previous[MDK_INPUTS]) {
@@ -120,6 +121,8 @@ const mdk_real *mdk_inputs(const mdk_controller *c) { return c->eq14.inputs; }
 
 const mdk_real *mdk_lifted(const mdk_controller *c) { return c->psi; }
 
+mdk_real mdk_steering_factor(const mdk_controller *c) { return c->steering.factor; }
+
 int mdk_iterations(const mdk_controller *c) { return c->qp.iterations; }
 
 const mdk_qp *mdk_last_qp(const mdk_controller *c) { return &c->qp; }
@@ -134,7 +137,8 @@ void mdk_observe(mdk_controller *c, const mdk_real measured[MDK_STATES],
 
 /* psi_0 after one more input. */
 void mdk_step_ahead(mdk_controller *c, const mdk_real input[MDK_INPUTS]) {
-    const mdk_real inputs[MDK_SIGNALS] = {input[0], input[1], input[2], c->kappa};
+    mdk_real inputs[MDK_SIGNALS] = {R(0), R(0), R(0), c->kappa};
+    mdk_of_model(c, input, inputs);
     mdk_real *following = c->estimator.following;
     mdk_one_step(&c->model->dynamics, c->gains, c->eq14.psi_0, inputs, following);
     copy(c->model->dynamics.n, following, c->eq14.psi_0);
@@ -150,6 +154,7 @@ static void take_plan(mdk_controller *c) {
             const mdk_real rise = share > R(0) ? share * (v[i + MDK_INPUTS] - v[i]) : R(0);
             c->eq14.inputs[k * MDK_INPUTS + i] = p->range[i] * (v[i] + rise);
         }
+        c->eq14.inputs[k * MDK_INPUTS + MDK_STEER] /= c->steering.factor;
     }
 }
 
@@ -165,7 +170,7 @@ mdk_status mdk_plan(mdk_controller *c, const mdk_real x_0[MDK_STATES], const mdk
         mdk_step_ahead(c, now->under_way[i]);
     }
     e->kappa = now->curvature_per_m;
-    copy(MDK_INPUTS, now->previous, e->u_prev);
+    mdk_of_model(c, now->previous, e->u_prev);
     mdk_expand(c, now, x_0, e->x_r);
     if (!c->is_prepared) {
         mdk_update_matrices(c);
@@ -191,7 +196,7 @@ void mdk_prepare(mdk_controller *c) {
     }
     mdk_advance(c, c->acting);
     mdk_step_ahead(c, c->eq14.inputs);
-    copy(MDK_INPUTS, c->eq14.inputs, c->eq14.u_prev);
+    mdk_of_model(c, c->eq14.inputs, c->eq14.u_prev);
     c->is_prepared = mdk_update_matrices(c);
     c->has_plan = false; /* a plan is the nominal trajectory of one period only */
 }
