@@ -1,28 +1,28 @@
-"""How far the car turns for an angle of its wheel, beside the car of the model; learned on the way."""
+"""How far the car turns for an angle of its wheel, beside the car of the model."""
 
 from rt_controller.contract.signals import ControlInput
 
 SMALLEST, LARGEST = 0.7, 1.4
 """bounds of the factor, whatever is measured"""
 INFORMATION = 0.15
-"""sum of squares of the yaw rate, in (rad/s)^2, after which half of a wrong factor is corrected: about
-one lane change"""
+"""sum of squares of the yaw rate, in (rad/s)^2, after which half of an error is corrected"""
 AVERAGED = 0.02
 """share of one period in the averages: those of about a second"""
 
 
 class SteeringFactor:
-    """The gain from the wheel to the yaw rate, relative to that of the model.
+    """The gain from the wheel to the yaw rate, relative to that of the model, learned on the way.
 
-    Steering ratio, tyres, load and friction change this gain, and a disturbance that is added to the
-    states cannot represent that. So the model gets `value` times the angle of the wheel, and the
-    wheel turns by the planned angle over `value`.
+    Steering ratio, tyres, load and friction change this gain, which a disturbance that is added to
+    the states cannot represent. The model gets `value` times the angle of the wheel, and the wheel
+    turns by the planned angle over `value`.
 
-    The yaw rate predicted ten periods ago with the wheel that was applied since then is compared with
-    the measured one, each less its average, which contains what does not change with the wheel: a
-    bank, an offset of a sensor. The prediction is explained by the measurement and not the other way
-    round: where the wheel only compensates a side wind, the measured yaw rate is zero and teaches
-    nothing. The method is normalised least mean squares (Widrow and Hoff).
+    The yaw rate that was predicted for now ten periods ago, with the wheel that was applied since
+    then, is compared with the measured one, each less its average: that contains what does not
+    change with the wheel, as a bank or an offset of a sensor. The prediction is explained by the
+    measurement and not the other way round: where the wheel only compensates a side wind, the
+    measured yaw rate is zero, and nothing is learned. Method: normalised least mean squares
+    (Widrow and Hoff, 1960).
     """
 
     def __init__(self) -> None:
