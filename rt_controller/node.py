@@ -183,6 +183,7 @@ def build_node(
         ),
         checks_of(low_speed_car.car) if checks is None else checks,
         bundle.trained_range,
+        config.mpc.actuation_delay,
     )
     step = ControlStep(
         bus=bus,

@@ -89,7 +89,7 @@ class Stanley:
         delay = len(now.under_way)
         reference = self._reference.expand(now.path, state, kappa, now.preview, delay)
         wheel_rad = self._front_wheel_rad(VehicleState(*psi.tolist()), reference)
-        wheel_rad *= DEFAULT_GEOMETRY.steering_ratio
+        wheel_rad *= DEFAULT_GEOMETRY.steering_ratio / self._estimator.steering.value
         control = ControlInput(*self._pedals_of(state.vx_mps, now.path), wheel_rad)
         # The input that acts until the next observation, which is filtered with the prediction.
         acting = now.under_way[0] if now.under_way else control

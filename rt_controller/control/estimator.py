@@ -1,4 +1,4 @@
-"""Filtered state and constant disturbance, from predictions of the model and of kinematics."""
+"""Filtered state, steering factor and disturbance, from predictions of model and kinematics."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,7 @@ from rt_controller.contract.signals import (
     VehicleState,
 )
 from rt_controller.contract.timing import PERIOD_S
+from rt_controller.control.steering_factor import SteeringFactor
 from rt_controller.model.bundle import Bundle
 from rt_controller.model.roll_outs import STEPS, DrivenStep, OneStep, RollOuts
 
@@ -97,7 +98,7 @@ class DisturbanceResponse:
 
 
 class Estimator:
-    """State and disturbance between two measurements; one instance for a controller.
+    """State, steering factor and disturbance; one instance for a controller.
 
     The motion is predicted by the model, the place on the road by kinematics. The disturbance is
     what explains the error of a prediction over ten periods under the inputs that were applied:
@@ -117,6 +118,7 @@ class Estimator:
         self._roll_outs = RollOuts(bundle.n_observables, self.step)
         self._response = DisturbanceResponse(max(periods, STEPS))
         self._low_pass = np.array(low_pass(motion_gain))
+        self.steering = SteeringFactor()
         self._pedals = 0.0
         """throttle less brake, of their ranges, averaged over about ten periods"""
         self._is_advanced = False
@@ -130,11 +132,6 @@ class Estimator:
         """What the disturbance adds to the states predicted after (K,) `periods`, (K, 6)."""
         return self._response.at(periods, self.disturbance, vx_mps)
 
-    @property
-    def predicted_now(self) -> Array | None:
-        """(n,), what was predicted ten periods ago for the lifted state of now; None: nothing."""
-        return self._roll_outs.oldest if self._roll_outs.begun >= STEPS else None
-
     def forget(self) -> None:
         """A period is missing: the predictions end, and the disturbance stays."""
         self._roll_outs.begun = 0
@@ -144,6 +141,7 @@ class Estimator:
         """Another drive begins."""
         self.forget()
         self.disturbance[:] = 0.0
+        self.steering.reset()
         self._pedals = 0.0
 
     def assume_steady(self, psi: Array, applied: ControlInput, curvature_per_m: float) -> None:
@@ -152,9 +150,9 @@ class Estimator:
         A driver who hands over may accelerate, so not the speed. A car with a heading error moves
         off its place on the road meanwhile: that is no disturbance.
         """
-        predicted = psi
+        predicted, of_model = psi, self.steering.of_model(applied)
         for _ in range(STEPS):
-            predicted = self.step(predicted, applied, curvature_per_m)
+            predicted = self.step(predicted, of_model, curvature_per_m)
         error = (psi - predicted)[:N_STATES]
         now = VehicleState(*psi[:N_STATES].tolist())
         turned_rad = heading_change_rad(now, now, curvature_per_m, now.ds_m)
@@ -201,15 +199,17 @@ class Estimator:
     def advance(self, psi: Array, applied: ControlInput, curvature_per_m: float) -> None:
         """Begin a roll-out at the lifted state (n,) of this period; advance all by the next one.
 
-        `applied` acts in it. If a roll-out has begun ten periods ago, its error changes the
-        disturbance.
+        `applied` acts in it. If a roll-out has begun ten periods ago, its error changes steering
+        factor and disturbance.
         """
         pedals = applied.throttle - applied.brake_n / INPUT_LIMITS.upper.brake_n
         self._pedals += (pedals - self._pedals) / STEPS
         steady = 1.0 / (1.0 + ((pedals - self._pedals) / MOVED) ** 2)
-        roll_outs, expected = self._roll_outs, self.predicted_now
-        if expected is not None:
-            error = psi[:N_STATES] - expected[:N_STATES]
+        roll_outs = self._roll_outs
+        if roll_outs.begun >= STEPS:
+            predicted, yaw_rate = roll_outs.oldest[:N_STATES], StateColumn.yaw_rate_radps
+            self.steering.learn(float(predicted[yaw_rate]), float(psi[yaw_rate]))
+            error = psi[:N_STATES] - predicted
             found = self._response.cause(STEPS, error, float(psi[StateColumn.vx_mps]))
             change = self._low_pass * (found - self.disturbance)
             change[StateColumn.vx_mps] *= steady
@@ -220,5 +220,6 @@ class Estimator:
                 self.disturbance, -LARGEST_DISTURBANCE, LARGEST_DISTURBANCE, out=self.disturbance
             )
         roll_outs.begin(psi)
-        roll_outs.advance(roll_outs.after(applied, curvature_per_m))
+        of_model = self.steering.of_model(applied)
+        roll_outs.advance(roll_outs.after(of_model, curvature_per_m))
         self._is_advanced = True

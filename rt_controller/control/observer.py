@@ -3,16 +3,15 @@
 from collections.abc import Sequence
 
 from rt_controller.contract.arrays import Array
-from rt_controller.contract.signals import AT_REST, ControlInput, StateColumn, VehicleState
+from rt_controller.contract.signals import AT_REST, ControlInput, VehicleState
 from rt_controller.control.estimator import Estimator
 from rt_controller.control.lift import Encoder, History
-from rt_controller.control.steering_factor import SteeringFactor
 from rt_controller.model.bundle import Bundle
 from rt_controller.model.roll_outs import OneStep
 
 
 class StateObserver:
-    """Encoder, history, estimator and steering factor of one bundle; inputs are those of the car.
+    """Encoder, history and estimator of one bundle. Inputs are those of the car.
 
     A period is `x_0 = observe(...)`, `psi_0 = lift(x_0, ...)`, and `advance(...)` when it is known
     which input acts in it.
@@ -28,7 +27,7 @@ class StateObserver:
         """(n,), the state that was lifted last; overwritten by the next"""
         self._history = None if rows is None else History(rows)
         self.estimator = Estimator(bundle, periods, motion_gain, step)
-        self.steering = SteeringFactor()
+        self.steering = self.estimator.steering
         self._curvature_per_m = 0.0
         """of the road in the period before"""
         self.measured = AT_REST
@@ -48,7 +47,6 @@ class StateObserver:
         What was learned from the faulty signal is discarded, and nothing is learned from it.
         """
         self.estimator.reset()
-        self.steering.reset()
         return self.observe(state, held)
 
     def lift(self, x_0: VehicleState, curvature_per_m: float) -> Array:
@@ -65,19 +63,14 @@ class StateObserver:
 
     def advance(self, acting: ControlInput) -> None:
         """Predict the next state from `psi`, with the input that acts in this period."""
-        yaw_rate, predicted = StateColumn.yaw_rate_radps, self.estimator.predicted_now
-        if predicted is not None:
-            self.steering.learn(float(predicted[yaw_rate]), float(self.psi[yaw_rate]))
-        of_model = self.steering.of_model(acting)
-        self.estimator.advance(self.psi, of_model, self._curvature_per_m)
+        self.estimator.advance(self.psi, acting, self._curvature_per_m)
 
     def assume_steady(
         self, state: VehicleState, curvature_per_m: float, applied: ControlInput
     ) -> None:
         """A drive begins with a car, `state` observed last, that turns steadily with this input."""
         psi = self.encoder.lift(state, curvature_per_m)
-        of_model = self.steering.of_model(applied)
-        self.estimator.assume_steady(psi, of_model, curvature_per_m)
+        self.estimator.assume_steady(psi, applied, curvature_per_m)
 
     def forget(self) -> None:
         """Discard the history: a period or more is missing before the next state."""
@@ -89,4 +82,3 @@ class StateObserver:
         """Another drive begins: discard all that was learned from the last one."""
         self.forget()
         self.estimator.reset()
-        self.steering.reset()

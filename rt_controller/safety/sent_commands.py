@@ -8,7 +8,7 @@ from rt_controller.contract.timing import LONG_COUNTER_MODULUS
 MOST_PERIODS = 32
 """that are remembered; an echo is at most a few periods late, a steering wheel twelve"""
 MEMORY_PERIODS = 6
-"""an actuator may be late by so many: 150 ms"""
+"""an actuator may be late by so many: 150 ms; by more where a longer delay is configured"""
 LONGEST_MEMORY_PERIODS = 16
 """the same of a steering wheel whose delay is known"""
 
@@ -20,7 +20,9 @@ class SentCommands:
     them.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, actuation_periods: int = 1) -> None:
+        """`actuation_periods`: delay of all actuators that is configured."""
+        self._memory = MEMORY_PERIODS + max(actuation_periods - 1, 0)
         self._inputs = deque([NEUTRAL_INPUT] * MOST_PERIODS, maxlen=MOST_PERIODS)
         self._counters: deque[int | None] = deque([None] * MOST_PERIODS, maxlen=MOST_PERIODS)
         self._counter: int | None = None
@@ -54,13 +56,13 @@ class SentCommands:
         return found
 
     def outside(self, applied: ControlInput, late_periods: int = 0) -> ControlInput:
-        """How far the applied input is outside of the range of the last 150 ms; 0 inside.
+        """How far the applied input is outside of the range of the last periods; 0 inside.
 
         `late_periods`: by which the steering wheel is known to be later than usual.
         """
-        wheel = min(MEMORY_PERIODS + late_periods, LONGEST_MEMORY_PERIODS)
+        wheel = min(self._memory + late_periods, LONGEST_MEMORY_PERIODS)
         inputs = self.last(wheel)
-        recent = inputs[-MEMORY_PERIODS:]
+        recent = inputs[-self._memory :]
         return ControlInput(
             _outside(applied.throttle, [each.throttle for each in recent]),
             _outside(applied.brake_n, [each.brake_n for each in recent]),

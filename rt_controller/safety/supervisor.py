@@ -67,10 +67,12 @@ class Supervisor:
         car: StoppingCar | None = None,
         checks: Sequence[Check] = CHECKS,
         trained: TrainedRange | None = None,
+        actuation_periods: int = 1,
     ) -> None:
         """With no `checks` everything is accepted; lost states and paths are still estimated.
 
         `trained` is that of the model that drives; None: not known, and not compared.
+        `actuation_periods`: delay of all actuators that is configured.
         """
         limits = [NEVER] * len(Quantity)
         for check in checks:
@@ -86,7 +88,7 @@ class Supervisor:
         self._residuals = Residuals(self.values, prediction, limits)
         self._paths = PathChecks(self.values)
         self._road = LastRoad(self.values, limits[Quantity.PREVIEW_STEP_PER_M])
-        self.sent = SentCommands()
+        self.sent = SentCommands(actuation_periods)
         self._pedals = PedalEffect(self._car.throttle_mps2, self._car.brake_mps2_per_n)
         self._state: VehicleState | None = None
         self._curvature_per_m = 0.0

@@ -16,7 +16,7 @@ from virtual_drive import drive
 
 from rt_controller.bus.messages import FEEDBACK, STATE
 from rt_controller.contract.signals import VehicleState
-from rt_controller.control import estimator
+from rt_controller.control import estimator, steering_factor
 from rt_controller.control.lift import Encoder
 from rt_controller.control.piqp_solver import MAX_ITERATIONS
 from rt_controller.control.warm_start import MAX_ROUNDS
@@ -112,6 +112,7 @@ def test_every_history_equals_the_rows_of_the_log(model, monkeypatch):
 
     monkeypatch.setattr(Encoder, "lift", recorded_lift)
     monkeypatch.setattr(estimator, "GAIN", VehicleState(*[1.0] * 6))  # states as measured
+    monkeypatch.setattr(steering_factor, "INFORMATION", np.inf)  # the wheel as applied
     log = model.parent / "drive.log"
     drive(model.parent, model, "--record", str(log))
 

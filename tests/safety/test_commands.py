@@ -223,6 +223,16 @@ def test_a_command_is_forgotten_after_six_periods():
     assert commands.outside(CRUISE._replace(steer_rad=0.5)).steer_rad == 0.5
 
 
+def test_with_a_configured_delay_older_commands_are_compared():
+    commands = SentCommands(actuation_periods=5)
+    commands.add(CRUISE)
+    for _ in range(9):
+        commands.add(NEUTRAL_INPUT)
+    assert commands.outside(CRUISE) == ControlInput(0.0, 0.0, 0.0)
+    commands.add(NEUTRAL_INPUT)
+    assert commands.outside(CRUISE) == pytest.approx(CRUISE)
+
+
 def test_a_wheel_that_is_known_to_be_late_is_compared_with_older_commands():
     commands = SentCommands()
     commands.add(CRUISE)
