@@ -22,13 +22,14 @@ class Wheel:
         self.steering = SteeringActuator(CONFIGURED)
         self.angle_rad = 0.0
         self.delay, self.rate_radps = CONFIGURED, inf
+        self.gain, self.offset_rad = 1.0, 0.0
         self._commands = deque([0.0] * (LONGEST_DELAY + 1), maxlen=LONGEST_DELAY + 1)
 
     def follow(self, commands):
         for command in commands:
             self._commands.appendleft(command)
             change = self.rate_radps * PERIOD_S
-            wanted = self._commands[self.delay]
+            wanted = self.gain * self._commands[self.delay] + self.offset_rad
             self.angle_rad = min(max(wanted, self.angle_rad - change), self.angle_rad + change)
             shown = round(self.angle_rad / RESOLUTION_RAD) * RESOLUTION_RAD
             self.steering.note(list(self._commands), shown)
@@ -83,6 +84,15 @@ def test_a_stuck_wheel_is_neither_late_nor_slow(place):
     for command in commands[place:]:
         steering = wheel.follow([command])
         assert (steering.late_periods, steering.is_slow) == (0, False)
+
+
+@pytest.mark.parametrize(("gain", "offset_rad"), [(0.7, 0.0), (1.2, 0.0), (1.0, 0.035)])
+def test_a_wheel_with_another_gain_or_an_offset_is_not_slow(gain, offset_rad):
+    wheel = Wheel()
+    wheel.gain, wheel.offset_rad = gain, offset_rad
+    ramp = (0.1 * np.arange(8)).tolist()
+    for command in (*ramp, *reversed(ramp), *slalom(160)):
+        assert not wheel.follow([command]).is_slow
 
 
 @pytest.mark.parametrize("rate_degps", [20.0, 30.0, 50.0])
