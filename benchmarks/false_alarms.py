@@ -4,8 +4,9 @@ Every scenario, and tight bends, are driven in simulated time with friction 0.5 
 +15 %, grades, bank, side wind, all shipped cars, steps of the wanted speed and of the path, and the
 noise and offsets of production sensors, a quarter of the drives without them. Half of the drives
 end in a stop that is requested at any time of the scenario. A drive in which a check fails is
-driven again without checks: if the car leaves its path there too, it has too little grip and the
-stop is right; else the alarm is a false one.
+driven again without checks: if the car leaves its path there too, the stop is right; else the alarm
+is a false one. A car that leaves its path is driven by `stanley` too: if that controller keeps the
+path, the car had grip enough.
 """
 
 from collections.abc import Sequence
@@ -29,7 +30,7 @@ from rt_controller.contract.timing import PERIOD_S
 from rt_controller.drive.table import Drive
 from rt_controller.model.artifact import SHIPPED_MODEL
 from rt_controller.model.bundle import Bundle
-from rt_controller.node import build_mpc
+from rt_controller.node import build_planner
 from rt_controller.report.table import Column, Table, to_markdown
 from rt_controller.safety.checks import CHECKS, Check, Reaction
 from rt_controller.session import ControllerSession
@@ -39,6 +40,7 @@ from rt_controller.terminal.command_line import run_command
 from sim_bridge.campaign import THIS_MACHINE, Backend, run_campaign
 from sim_bridge.scenario import shipped_scenarios
 
+RIVAL = "stanley"
 _NO_ALARM = (Reaction.REPORT, Reaction.REFUSE)
 OFF_PATH_M = next(c.threshold for c in CHECKS if c.quantity is Quantity.TRACKING_M)
 """from there on TRACKING_LOST is true"""
@@ -62,6 +64,8 @@ class DriveResult:
     ey_peak_m: float
     unchecked_ey_peak_m: float | None
     """of the same drive without checks; None: no check failed, or that drive had no end"""
+    rival_ey_peak_m: float | None
+    """of the same drive with `stanley`, without checks; None: not driven, or it had no end"""
     failed_checks: tuple[str, ...]
     largest: dict[str, float]
     """of each quantity, by its name with its unit"""
@@ -71,6 +75,12 @@ class DriveResult:
         """True if a check failed and the car leaves its path without checks too."""
         unchecked_m = self.unchecked_ey_peak_m
         return bool(self.failed_checks) and unchecked_m is not None and unchecked_m > OFF_PATH_M
+
+    @property
+    def has_grip(self) -> bool:
+        """True if the car leaves its path, and `stanley` keeps it there."""
+        rival_m = self.rival_ey_peak_m
+        return self.has_lost_path and rival_m is not None and rival_m <= OFF_PATH_M
 
     @property
     def false_checks(self) -> tuple[str, ...]:
@@ -150,15 +160,19 @@ def measure(condition: Condition, model: str | None) -> dict[str, Any]:
             failed.update(failing)
 
     drive = _drive(condition, model, after_tick=note)
-    unchecked_m = None
-    if failed:
-        with suppress(PlantError):  # such as a car that does not come to rest: not decided
+    unchecked_m = rival_m = None
+    with suppress(PlantError):  # such as a car that does not come to rest: not decided
+        if failed:
             unchecked_m = round(_drive(condition, model, checks=()).errors.ey_peak_m, 4)
+        if unchecked_m is not None and unchecked_m > OFF_PATH_M:
+            rival = _drive(condition, model, RIVAL, checks=())
+            rival_m = round(rival.errors.ey_peak_m, 4)
     result = DriveResult(
         condition=condition,
         driven_s=PERIOD_S * int(np.sum(drive["mode"] > 0)),
         ey_peak_m=round(drive.errors.ey_peak_m, 4),
         unchecked_ey_peak_m=unchecked_m,
+        rival_ey_peak_m=rival_m,
         failed_checks=tuple(sorted(failed)),
         largest={q.name.lower(): round(float(largest[q]), 6) for q in Quantity},
     )
@@ -166,13 +180,17 @@ def measure(condition: Condition, model: str | None) -> dict[str, Any]:
 
 
 def _drive(
-    condition: Condition, model: str | None, checks: Sequence[Check] = CHECKS, **observed: Any
+    condition: Condition,
+    model: str | None,
+    controller: str | None = None,
+    checks: Sequence[Check] = CHECKS,
+    **observed: Any,
 ) -> Drive:
-    config, bundle = ControllerConfig(), Bundle.load(model)
+    config, bundle = ControllerConfig(controller=controller), Bundle.load(model)
     return drive_in_lockstep(
         config,
         bundle,
-        build_mpc(bundle, config.mpc),
+        build_planner(bundle, config),
         CarSettings(car=condition.car),
         duration_s=condition.stop_at_s,
         scenario=disturbed(condition),
@@ -209,6 +227,7 @@ def figures_of(found: Sequence[DriveResult]) -> dict[str, Any]:
         "drives": len(found),
         "drives_with_false_alarm": len(false),
         "drives_that_lose_the_path_without_checks_too": len(found) - len(sound),
+        "drives_that_lose_the_path_where_stanley_keeps_it": sum(each.has_grip for each in found),
         "checks": rows,
         "false_alarms": false,
     }
@@ -232,7 +251,7 @@ def table_of(figures: dict[str, Any]) -> Table:
     title = (
         "{driven_h:.2f} h of driving, {drives} drives, {drives_with_false_alarm} with a false "
         "alarm; {drives_that_lose_the_path_without_checks_too} left the path, with checks and "
-        "without"
+        "without, {drives_that_lose_the_path_where_stanley_keeps_it} of them where stanley keeps it"
     ).format(**figures)
     return Table(title, heads, tuple(rows))
 
