@@ -60,9 +60,14 @@ def test_the_drive_of_the_cadence_has_so_many_ticks_and_changes_its_lane(tmp_pat
 CONDITION = next(conditions(["straight"]))
 
 
-def driven(unchecked_m: float | None, *failed: str, progress_m: float = 0.0) -> DriveResult:
+def driven(
+    unchecked_m: float | None,
+    *failed: str,
+    progress_m: float = 0.0,
+    rival_m: float | None = None,
+) -> DriveResult:
     largest = {q.name.lower(): 0.0 for q in Quantity} | {"progress_step_m": progress_m}
-    return DriveResult(CONDITION, 3600.0, 0.1, unchecked_m, failed, largest)
+    return DriveResult(CONDITION, 3600.0, 0.1, unchecked_m, rival_m, failed, largest)
 
 
 @pytest.mark.parametrize(
@@ -83,7 +88,8 @@ def test_a_stop_is_right_if_the_car_leaves_its_path_without_checks_too(
 
 
 def test_cars_that_lose_their_path_are_counted_apart():
-    drives = [driven(None, progress_m=0.005), driven(3.0, "progress", progress_m=1.0)]
+    drives = [driven(None, progress_m=0.005)]
+    drives += [driven(3.0, "progress", progress_m=1.0, rival_m=0.1)]
     drives += [driven(0.1, "progress", progress_m=0.03)]
     figures = figures_of(drives)
     row = next(row for row in figures["checks"] if row["check"] == "progress")
@@ -92,6 +98,7 @@ def test_cars_that_lose_their_path_are_counted_apart():
     assert figures["drives"] == 3
     assert figures["drives_with_false_alarm"] == 1
     assert figures["drives_that_lose_the_path_without_checks_too"] == 1
+    assert figures["drives_that_lose_the_path_where_stanley_keeps_it"] == 1
 
 
 def test_false_alarms_are_counted_in_the_drives_of_a_file_and_in_new_ones(tmp_path, capsys):
