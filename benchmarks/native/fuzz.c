@@ -67,7 +67,7 @@ static int is_as_promised(int status, int held, const double *in, const double *
             is_kept &= fabs(found - before) <= rate || (is_pedal && found <= 0.0);
         }
     }
-    for (int i = MDK_IN_VX; i < MDK_IN_SPACING; i++) {
+    for (int i = MDK_IN_VX; i <= MDK_IN_SPACING; i++) {
         /* After inputs under way the progress until now has no effect. */
         is_kept &= !isnan(in[i]) || i == MDK_IN_DS || status != MDK_SOLVED;
     }

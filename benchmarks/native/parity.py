@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from offline.targets.recorded_drives import Situation, open_exact_mpc, plan
 from rt_controller.config import ControllerConfig
 from rt_controller.contract.arrays import Array
-from rt_controller.contract.signals import N_STATES, ControlInput, VehicleState
+from rt_controller.contract.limits import INPUT_LIMITS
+from rt_controller.contract.signals import N_STATES, VehicleState
 from rt_controller.control.lift import Encoder
 from rt_controller.control.mpc import Mpc
 from rt_controller.control.planner import Planner
@@ -21,7 +22,7 @@ from rt_controller.native.network import Network, network_of
 from rt_controller.native.planner import NativePlanner
 from rt_controller.node import build_planner
 
-_SPAN = np.array(ControlInput(1.0, 150.0, 2.0 * np.radians(40.0)))
+_SPAN = np.subtract(INPUT_LIMITS.upper, INPUT_LIMITS.lower)
 """range of each input"""
 _NS_PER_US = 1e3
 

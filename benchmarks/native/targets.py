@@ -89,7 +89,7 @@ class Export:
         return figures | {"periods": periods}
 
     def objects(self) -> Figures:
-        """Functions of the C library that the law must not call; compiled with all warnings."""
+        """Number of calls that the law must not make; compiled with all warnings as errors."""
         compilers = [name for name in ("gcc", "clang") if shutil.which(name)]
         for compiler in compilers:
             for file in self._law:

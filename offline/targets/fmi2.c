@@ -147,12 +147,17 @@ EXPORT Status fmi2EnterInitializationMode(void *component) {
 
 EXPORT Status fmi2ExitInitializationMode(void *component) {
     Instance *instance = component;
+    const Status status =
+        change_phase(instance, INITIALISING, STEPPING, "expected one that is initialising.");
+    if (status != OK) {
+        return status;
+    }
     const mdk_real *start = instance->reals + FIRST_START;
     mdk_reset(&instance->law, start);
     for (int i = 0; i <= NEWEST; i++) {
         memcpy(instance->sent[i], start, sizeof instance->sent[i]);
     }
-    return change_phase(instance, INITIALISING, STEPPING, "expected one that is initialising.");
+    return OK;
 }
 
 EXPORT Status fmi2Terminate(void *component) {

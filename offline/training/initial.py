@@ -61,6 +61,9 @@ def with_structure_of(
             f"{', '.join(name for name in STRUCTURE if name not in trained)}. Name another bundle, "
             f"or train without --init."
         )
+    is_symmetric = any(name.endswith("latent_signs") for name in _weights(bundle))
+    if trained["symmetry"] == "exact" and not is_symmetric:  # of a car that has no symmetry
+        trained["symmetry"] = "none"
     known = TrainingConfig.model_validate({name: trained[name] for name in STRUCTURE})
     structure = {name: getattr(known, name) for name in STRUCTURE}
     for name, value in structure.items():

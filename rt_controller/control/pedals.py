@@ -82,6 +82,6 @@ def limit_pedals(
     if previous[released] > 0.0:
         upper[:, released] = np.maximum(previous[released] - slew[released] * periods, 0.0)
     if previous[pressed] <= 0.0:
-        release_ticks = ceil(previous[released] / slew[released] - 1e-9)
+        release_ticks = ceil(previous[released] / slew[released] - 1e-6)
         wait = max(release_ticks, choice.ticks_until_pressed)
         upper[periods <= wait, pressed] = 0.0

@@ -19,10 +19,11 @@ LEAST_ERROR_RAD = 0.015
 """by which the wheel differs from the present explanation, before another one replaces it"""
 LEAST_TURN_RAD = 0.01
 """of the wheel within the samples; a wheel that does not turn shows no delay: it may be stuck"""
+SAME_GAIN = 0.04
+"""largest difference of the gain of the angle from that of its changes, in a wheel with a wrong
+gain"""
 LARGEST_SPREAD_RAD = 1e-3
 """of the changes of a wheel that turns at its largest rate; with more, an offset looks like that"""
-SAME_GAIN = 0.04
-"""by which the gain of the angle and that of its changes differ, in a wheel with a wrong gain"""
 LEAST_CHANGE_RAD = 0.003
 """of such a wheel in a period: 7 deg/s; a slower one is stuck"""
 LEAST_SLOW_ERROR_RAD = 0.006
@@ -137,9 +138,9 @@ class SteeringActuator:
         residuals = [each[self.delay_periods] for each in self._residuals_rad]
         ahead = min(copysign(1.0, mean) * residual for residual in residuals[1:])
         # A wheel with another gain, or an offset, turns steadily too where its commands do.
-        commanded = mean + (residuals[-1] - residuals[0]) / len(changes)
+        commanded_rad = mean + (residuals[-1] - residuals[0]) / len(changes)
         command_rad = self._angles_rad[-1] + residuals[-1]
-        share = mean / commanded if commanded * mean > 0.0 else 0.0
+        share = mean / commanded_rad if commanded_rad * mean > 0.0 else 0.0
         is_gain = abs(self._angles_rad[-1] - share * command_rad) < SAME_GAIN * abs(command_rad)
         is_proportional = is_gain or share > 1.0 - SAME_GAIN
         is_limited = is_steady and not is_proportional

@@ -5,13 +5,13 @@ from rt_controller.contract.signals import ControlInput
 SMALLEST, LARGEST = 0.7, 1.4
 """bounds of the factor, whatever is measured"""
 INFORMATION = 0.15
-"""sum of squares of the yaw rate, in (rad/s)^2, after which half of an error is corrected"""
+"""sum of squares of the yaw rate, in (rad/s)^2, after which two thirds of an error are corrected"""
 AVERAGED = 0.02
 """share of one period in the averages: those of about a second"""
 
 
 class SteeringFactor:
-    """The gain from the wheel to the yaw rate, relative to that of the model, learned on the way.
+    """The gain from the wheel to the yaw rate, relative to that of the model.
 
     Steering ratio, tyres, load and friction change this gain, which a disturbance that is added to
     the states cannot represent. The model gets `value` times the angle of the wheel, and the wheel

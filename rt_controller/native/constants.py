@@ -110,7 +110,9 @@ def _dynamics(bundle: Bundle, network: Network) -> Struct:
     if network.latent_signs is not None:
         is_odd[:N_STATES] = np.array(MIRROR_SIGNS) < 0.0
         is_odd[N_STATES:] = network.latent_signs < 0.0
-        if step.A[np.ix_(is_odd, ~is_odd)].any() or step.A[np.ix_(~is_odd, is_odd)].any():
+        gains = np.vstack([S, step.N.T])
+        mixed = np.any(gains[:, is_odd], axis=1) & np.any(gains[:, ~is_odd], axis=1)
+        if step.A[is_odd[:, None] != is_odd].any() or mixed.any():
             is_odd[:] = False  # matrices of another origin
     order = np.lexsort((is_odd, ~of_A))
     m, even = int(of_A.sum()), int(np.sum(of_A & ~is_odd))

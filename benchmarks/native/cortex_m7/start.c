@@ -1,7 +1,7 @@
 /* test.c on a Cortex-M7 in QEMU, with the number of instructions of each step of the law.
  *
- * With `-icount shift=0` an
- * instruction takes 1 ns, so the system timer, of 25 MHz, counts 40 of them. */
+ * With `-icount shift=0` an instruction takes 1 ns, so the system timer, of 25 MHz, counts 40 of
+ * them. */
 
 #include <stdint.h>
 #include <stdio.h>

@@ -30,7 +30,7 @@ int mdk_arrays_step(void *state, const double *in, double *out) {
     take(1, in + MDK_IN_CURVATURE, &now.curvature_per_m);
     take(MDK_PATH, in + MDK_IN_PATH_C0, now.path);
     take(MDK_PREVIEW, in + MDK_IN_SPACING, now.preview);
-    now.has_preview = in[MDK_IN_SPACING] > 0.0;
+    now.has_preview = !(in[MDK_IN_SPACING] <= 0.0); /* NaN gives no plan */
     take(MDK_INPUTS, in + MDK_IN_APPLIED_THROTTLE, now.applied);
     take(MDK_INPUTS, in + MDK_IN_PREVIOUS_THROTTLE, now.previous);
     now.n_under_way = 0;

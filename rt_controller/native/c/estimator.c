@@ -180,7 +180,7 @@ void mdk_advance(mdk_controller *c, const mdk_real acting[MDK_INPUTS]) {
         }
     }
     copy(n, c->psi, e->psi + e->newest * n);
-    e->begun++;
+    e->begun = e->begun < MDK_BEGUN ? e->begun + 1 : MDK_BEGUN;
     mdk_real inputs[MDK_SIGNALS] = {R(0), R(0), R(0), c->kappa};
     mdk_of_model(c, acting, inputs);
     for (int i = 0; i < MDK_BEGUN; i++) {

@@ -80,7 +80,7 @@ typedef struct {
     int gains;
     int parts[5]; /* gains that act on even observables: from parts[0] with an even function, from
                    * parts[1] with an odd one; from parts[2] and parts[3] those that act on odd ones */
-    const int *place;       /* [n], in psi, of x and of the latents */
+    const int *place;       /* [n], in psi, of x and of the latents; v_x has the first one */
     const mdk_real *A;      /* [m][m] */
     const mdk_real *B;      /* [m][4] */
     const mdk_real *c;      /* [m] */

@@ -1,4 +1,4 @@
-/* The memory of a controller: what changes from period to period. Only mdk_*.c use its fields. */
+/* The memory of a controller: what changes from period to period. Only the law uses its fields. */
 
 #ifndef MDK_CONTROLLER_H
 #define MDK_CONTROLLER_H
@@ -63,7 +63,7 @@ typedef struct {
     bool is_advanced;
     int newest, begun;
     mdk_real *psi;       /* [MDK_BEGUN][n], predictions that began in the last periods */
-    mdk_real *following; /* [n] */
+    mdk_real *following; /* [n + gains] */
 } mdk_estimator;
 
 typedef struct {

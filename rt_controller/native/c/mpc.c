@@ -161,7 +161,7 @@ static void take_plan(mdk_controller *c) {
 mdk_status mdk_plan(mdk_controller *c, const mdk_real x_0[MDK_STATES], const mdk_situation *now) {
     mdk_eq14 *e = &c->eq14;
     if (now->n_under_way < 0 || now->n_under_way > MDK_MOST_UNDER_WAY) {
-        c->has_plan = false;
+        c->has_plan = c->is_prepared = false;
         return MDK_NUMERICS;
     }
     mdk_lift(c, x_0, now->curvature_per_m);
