@@ -6,12 +6,15 @@ SMALLEST, LARGEST = 0.7, 1.4
 """bounds of the factor, whatever is measured"""
 INFORMATION = 0.15
 """sum of squares of the yaw rate, in (rad/s)^2, after which two thirds of an error are corrected"""
+LEAST_RADPS = 0.02
+"""yaw rate, less its average, of which something is learned: noise of the sensor has no effect on
+the prediction, so on a straight road a factor learned from it would grow to its bound"""
 AVERAGED = 0.02
 """share of one period in the averages: those of about a second"""
 
 
 class SteeringFactor:
-    """The gain from the wheel to the yaw rate, relative to that of the model, learned while driving.
+    """The gain from the wheel to the yaw rate, relative to that of the model.
 
     Steering ratio, tyres, load and friction change this gain, which a disturbance that is added to
     the states cannot represent. The model gets `value` times the angle of the wheel, and the wheel
@@ -47,6 +50,8 @@ class SteeringFactor:
         self._measured += self._share * (measured_radps - self._measured)
         self._share = max(self._share / (1.0 + self._share), AVERAGED)
         predicted, measured = of_one_radps - self._predicted, measured_radps - self._measured
+        if abs(measured) < LEAST_RADPS:
+            return
         inverse = 1.0 / self.value
         inverse += measured * (predicted - inverse * measured) / (INFORMATION + measured**2)
         self.value = 1.0 / min(max(inverse, 1.0 / LARGEST), 1.0 / SMALLEST)

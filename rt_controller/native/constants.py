@@ -79,6 +79,7 @@ def constants_of(bundle: Bundle, settings: MpcSettings) -> Struct:
             smallest_factor=steering_factor.SMALLEST,
             largest_factor=steering_factor.LARGEST,
             information=steering_factor.INFORMATION,
+            least_radps=steering_factor.LEAST_RADPS,
             averaged=steering_factor.AVERAGED,
         ),
         envelope=Struct(

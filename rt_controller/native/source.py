@@ -26,7 +26,8 @@ def _initialiser(value: Any, name: str, arrays: list[str]) -> str:
     if isinstance(value, np.ndarray):
         kind = _KINDS[value.dtype.str[1:]]
         write = _float if kind == "float" else _number
-        numbers = [write(each) for each in value.ravel().tolist()] or ["0"]  # no array is empty in C
+        numbers = [write(each) for each in value.ravel().tolist()]
+        numbers = numbers or ["0"]  # C has no empty arrays
         rows = (", ".join(numbers[i : i + _PER_LINE]) for i in range(0, len(numbers), _PER_LINE))
         arrays.append(f"static const {kind} {name}[] = {{\n    " + ",\n    ".join(rows) + "};\n")
         return name

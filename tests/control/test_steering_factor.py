@@ -51,6 +51,13 @@ def test_what_is_not_a_gain_of_the_wheel_changes_little(predicted_radps, measure
     assert factor.value == pytest.approx(1.0, abs=0.05)
 
 
+def test_noise_of_the_sensor_is_not_learned_on_a_straight_road():
+    rng, factor = np.random.default_rng(0), SteeringFactor()
+    for measured_radps in 0.002 * rng.standard_normal(60_000):  # 25 minutes
+        factor.learn(0.0, measured_radps)
+    assert factor.value == 1.0
+
+
 def test_no_measurement_leads_the_factor_out_of_its_bounds():
     rng, factor = np.random.default_rng(0), SteeringFactor()
     for size in (1e-12, 0.3, 50.0, 1e150):

@@ -129,7 +129,7 @@ void mdk_assume_steady(mdk_controller *c, const mdk_real state[MDK_STATES], mdk_
 
 /* Learn how far the car turns, from the yaw rate of now and from that which was predicted for it. The
  * prediction is explained by the measurement: a wheel that only compensates a side wind teaches
- * nothing. */
+ * nothing, and neither does noise of the sensor. */
 static void learn_steering(mdk_controller *c, mdk_real predicted_radps, mdk_real measured_radps) {
     const mdk_estimation *shares = &c->model->estimation;
     mdk_steering *s = &c->steering;
@@ -141,6 +141,9 @@ static void learn_steering(mdk_controller *c, mdk_real predicted_radps, mdk_real
     s->measured += s->share * (measured_radps - s->measured);
     s->share = larger(s->share / (R(1) + s->share), shares->averaged);
     const mdk_real predicted = of_one_radps - s->predicted, measured = measured_radps - s->measured;
+    if (fabs(measured) < shares->least_radps) {
+        return;
+    }
     mdk_real inverse = R(1) / s->factor;
     const mdk_real error = predicted - inverse * measured;
     inverse += measured * error / (shares->information + measured * measured);

@@ -117,7 +117,7 @@ typedef struct {
     mdk_real gain[MDK_STATES], offset_gain[MDK_STATES];
     mdk_real kept[MDK_STATES], low_pass[MDK_STATES], largest[MDK_STATES];
     mdk_real moved_pedal, brake_n, fast_mps;
-    mdk_real smallest_factor, largest_factor, information, averaged;
+    mdk_real smallest_factor, largest_factor, information, least_radps, averaged;
 } mdk_estimation;
 
 /* The last check of a command, and the bound of the wheel by the speed: `least_rad`, or more at low

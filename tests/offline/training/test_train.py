@@ -319,3 +319,20 @@ def test_a_training_begins_with_the_structure_and_the_predictions_of_a_bundle(
     other = replace(bundle, schema=replace(bundle.schema, dt_s=0.05))
     with pytest.raises(ConfigError, match="every 0\\.05 s"):
         train(config, toy_dataset, new_run(config), first_model=other)
+
+
+def test_a_training_begins_with_a_model_of_a_car_without_symmetry(
+    any_model_is_exported, tiny_recommended, toy_dataset, new_run
+):
+    manifest, roles = toy_dataset.manifest, replace(toy_dataset.roles, odd=None)
+    data = replace(toy_dataset, manifest=replace(manifest, roles=roles))
+    run = new_run(tiny_recommended)
+    train(tiny_recommended, data, run)
+    bundle, _ = export_checkpoint(load_checkpoint(run.last), data)
+    slow = tiny_recommended.model_copy(update={"init": "any", "learning_rate": 1e-30})
+    still = with_structure_of(bundle, slow, {})
+    run = new_run(still)
+    train(still, data, run, first_model=bundle)
+    begun, _ = export_checkpoint(load_checkpoint(run.last), data)
+    expected, found = (predictions(each, data) for each in (bundle, begun))
+    assert np.abs(found - expected).max() < 1e-4 * np.abs(expected).max()
