@@ -79,7 +79,7 @@ class MpcSettings(Settings):
     disturbance_gain: Annotated[float, Field(ge=0.0, le=0.5)] = 0.12
     """share of the lateral motion that the model did not predict that becomes an estimated
     disturbance in one period: larger for a road or load that the model does not know, smaller for a
-    model that is wrong about the gain of the steering"""
+    model of another kind of errors; the steering factor is learned as fast"""
     corridor_m: Annotated[float, Field(gt=0.0, le=100.0)] | None = None
     """distance from the path beyond which the plan has an additional cost; none: no such cost"""
     beyond_corridor_m: Annotated[float, Field(ge=1e-6, le=100.0)] = 0.05

@@ -118,7 +118,7 @@ class Estimator:
         self._roll_outs = RollOuts(bundle.n_observables, self.step)
         self._response = DisturbanceResponse(max(periods, STEPS))
         self._low_pass = np.array(low_pass(motion_gain))
-        self.steering = SteeringFactor()
+        self.steering = SteeringFactor(motion_gain)
         self._pedals = 0.0
         """throttle less brake, of their ranges, averaged over about ten periods"""
         self._is_advanced = False

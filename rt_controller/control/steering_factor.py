@@ -1,16 +1,24 @@
 """How far the car turns for an angle of its wheel, beside the car of the model."""
 
+from math import inf
+
 from rt_controller.contract.signals import ControlInput
 
 SMALLEST, LARGEST = 0.7, 1.4
 """bounds of the factor, whatever is measured"""
-INFORMATION = 0.15
-"""sum of squares of the yaw rate, in (rad/s)^2, after which two thirds of an error are corrected"""
+INFORMATION = 0.018
+"""over the gain of the disturbance: sum of squares of the yaw rate, in (rad/s)^2, after which two
+thirds of an error are corrected; a model that needs a small gain has errors of other kinds"""
 LEAST_RADPS = 0.02
 """yaw rate, less its average, of which something is learned: noise of the sensor has no effect on
 the prediction, so on a straight road a factor learned from it would grow to its bound"""
 AVERAGED = 0.02
 """share of one period in the averages: those of about a second"""
+
+
+def information(gain: float) -> float:
+    """Sum of squares of the yaw rate, in (rad/s)^2, that a factor is learned from."""
+    return INFORMATION / gain if gain > 0.0 else inf
 
 
 class SteeringFactor:
@@ -28,7 +36,9 @@ class SteeringFactor:
     (Widrow and Hoff, 1960).
     """
 
-    def __init__(self) -> None:
+    def __init__(self, gain: float) -> None:
+        """`gain`: of the disturbance, as of `Estimator`; 0: the factor stays 1."""
+        self._information = information(gain)
         self.reset()
 
     def reset(self) -> None:
@@ -53,5 +63,6 @@ class SteeringFactor:
         if abs(measured) < LEAST_RADPS:
             return
         inverse = 1.0 / self.value
-        inverse += measured * (predicted - inverse * measured) / (INFORMATION + measured**2)
+        error = predicted - inverse * measured
+        inverse += measured * error / (self._information + measured**2)
         self.value = 1.0 / min(max(inverse, 1.0 / LARGEST), 1.0 / SMALLEST)

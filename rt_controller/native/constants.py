@@ -78,7 +78,7 @@ def constants_of(bundle: Bundle, settings: MpcSettings) -> Struct:
             fast_mps=estimator.FAST_MPS,
             smallest_factor=steering_factor.SMALLEST,
             largest_factor=steering_factor.LARGEST,
-            information=steering_factor.INFORMATION,
+            information=steering_factor.information(settings.disturbance_gain),
             least_radps=steering_factor.LEAST_RADPS,
             averaged=steering_factor.AVERAGED,
         ),

@@ -46,6 +46,14 @@ def test_the_shipped_networks_stay_on_their_path(recorded, tmp_path):
         assert set(figures[key]) == {"p50", "p99", "p999", "max", "mean"}
 
 
+def test_a_car_whose_actuators_are_late_as_stated_stays_on_its_path(tmp_path):
+    late = ("--actuation-delay", "5", "--mpc.actuation-delay", "5")
+    figures = drive(tmp_path, "mdk-net", *late)
+    assert figures["final_mode"] == "STANDBY"
+    assert figures["ticks_by_fault"] == {}
+    assert figures["ey_peak_m"] <= 0.05
+
+
 def test_the_same_run_twice_gives_the_same_frames(tmp_path, recorded):
     log = tmp_path / "second.log"
     # The log has the name of the channel.

@@ -9,6 +9,7 @@ import pytest
 import sim_bridge
 from rt_controller import simulate
 from rt_controller.contract.signals import ControlInput
+from rt_controller.control.estimator import MOTION_GAIN
 from rt_controller.control.steering_factor import LARGEST, SMALLEST, SteeringFactor
 from sim_bridge.scenario import load_scenario
 
@@ -25,9 +26,27 @@ def test_a_car_with_another_steering_ratio_stays_on_its_path(tmp_path, ratio):
     assert drive.car_figures[0].value <= 0.010
 
 
+def test_a_car_that_follows_its_wheel_later_does_not_oscillate_at_speed(tmp_path):
+    scenario = tmp_path / "motorway.toml"
+    scenario.write_text(
+        """format = 2
+name = "a slight bend at 120 km/h"
+duration_s = 15.0
+metrics = ["ey_peak_m"]
+[reference]
+speed_kmh = { t_s = [0.0, 15.0], value = [120.0, 120.0] }
+[road]
+curvature_per_m = { s_m = [0.0, 100.0, 130.0, 160.0], value = [0.0, 0.0, 0.001, 0.0] }
+"""
+    )
+    drive = simulate(scenario, plant="commonroad:3")
+    assert drive.stop_s is None
+    assert drive.car_figures[0].value <= 0.1
+
+
 @pytest.mark.parametrize("of_car", [0.8, 1.0, 1.25])
 def test_the_factor_of_a_car_is_found_while_it_turns(of_car):
-    factor = SteeringFactor()
+    factor = SteeringFactor(MOTION_GAIN)
     for k in range(400):
         wheel_radps = 0.2 * np.sin(0.05 * k)
         bank_radps = 0.02
@@ -45,21 +64,21 @@ def test_the_factor_of_a_car_is_found_while_it_turns(of_car):
     ],
 )
 def test_what_is_not_a_gain_of_the_wheel_changes_little(predicted_radps, measured_radps):
-    factor = SteeringFactor()
+    factor = SteeringFactor(MOTION_GAIN)
     for _ in range(400):
         factor.learn(predicted_radps, measured_radps)
     assert factor.value == pytest.approx(1.0, abs=0.05)
 
 
 def test_noise_of_the_sensor_is_not_learned_on_a_straight_road():
-    rng, factor = np.random.default_rng(0), SteeringFactor()
+    rng, factor = np.random.default_rng(0), SteeringFactor(MOTION_GAIN)
     for measured_radps in 0.002 * rng.standard_normal(60_000):  # 25 minutes
         factor.learn(0.0, measured_radps)
     assert factor.value == 1.0
 
 
 def test_no_measurement_leads_the_factor_out_of_its_bounds():
-    rng, factor = np.random.default_rng(0), SteeringFactor()
+    rng, factor = np.random.default_rng(0), SteeringFactor(MOTION_GAIN)
     for size in (1e-12, 0.3, 50.0, 1e150):
         for _ in range(300):
             factor.learn(*(size * rng.standard_normal(2)).tolist())
