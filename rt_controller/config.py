@@ -201,7 +201,11 @@ class ControllerConfig(Settings):
     def _take_model(cls, found: Any) -> Any:
         """A controller that is a model is the MPC with that model."""
         controller = found.get("controller") if isinstance(found, dict) else None
-        if controller is None or not is_model(str(controller)):
+        if controller is None:
+            return found
+        if not is_model(str(controller)):
+            if found.get("plan") == "native":
+                raise ValueError(f"plan: expected python with {controller}, found native")
             return found
         model = found.get("model")
         if model not in (None, controller):

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from rt_controller import Bundle, ControlInput, Observation, cli, simulate
+from rt_controller.config import ControllerConfig
 from rt_controller.contract.errors import ConfigError, ControlLawError
 from rt_controller.contract.signals import Mode
 from rt_controller.recording.replay import Replay, differences, read_recorded_drive
@@ -174,6 +175,11 @@ def test_a_law_that_cannot_be_used_is_refused_before_the_drive(own_file, tmp_pat
     name = name.replace("FILE", str(own_file)).replace("BROKEN", str(tmp_path / "broken.py"))
     with pytest.raises(ConfigError, match=words):
         simulate("straight", controller=name)
+
+
+def test_a_law_is_not_planned_with_in_c():
+    with pytest.raises(ConfigError, match="plan: expected python with stanley, found native"):
+        ControllerConfig(controller="stanley", plan="native")
 
 
 def test_two_models_are_refused():

@@ -165,7 +165,7 @@ void mdk_init(mdk_controller *c, const mdk_model *model, mdk_real *memory);
  *
  * MDK_SOLVED: `command` is the first input of a new plan. Otherwise it is the next input of the last
  * one, for `hold_periods` periods, and then the input that was sent last: the caller stops the car.
- * The command is always finite and within bounds and rates. */
+ * The command is always finite, and within bounds and rates if `previous` is within its bounds. */
 mdk_status mdk_step(mdk_controller *c, const mdk_situation *now, mdk_real command[MDK_INPUTS]);
 
 /* The parts of mdk_step, for a caller that sends before it prepares. */
