@@ -134,8 +134,9 @@ def _false_alarms(found: Found) -> Figures:
     sentence = (
         f"{found['drives_with_false_alarm']} of {found['drives']:,} drives had a false alarm, "
         f"in {found['driven_h']:.2f} hours of simulated driving; "
-        f"{found['drives_that_lose_the_path_without_checks_too']} cars had too little grip "
-        "and left their path, with checks and without"
+        f"{found['drives_that_lose_the_path_without_checks_too']} left their path, with checks and "
+        f"without, {found['drives_that_lose_the_path_where_stanley_keeps_it']} of them where "
+        "stanley keeps it"
     )
     shares = {
         each["check"]: {

@@ -120,6 +120,7 @@ def test_a_file_of_another_command_is_imported_under_its_piece(root):
     alarms = {
         "driven_h": 10.01, "drives": 1820, "drives_with_false_alarm": 0,
         "drives_that_lose_the_path_without_checks_too": 17, "false_alarms": [],
+        "drives_that_lose_the_path_where_stanley_keeps_it": 2,
         "checks": [{"check": "path", "largest_share_of_threshold": 0.5,
                     "drives_with_false_alarm": 0}],
     }  # fmt: skip
