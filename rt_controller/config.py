@@ -79,7 +79,7 @@ class MpcSettings(Settings):
     disturbance_gain: Annotated[float, Field(ge=0.0, le=0.5)] = 0.12
     """share of the lateral motion that the model did not predict that becomes an estimated
     disturbance in one period: larger for a road or load that the model does not know, smaller for a
-    model of another kind of errors; the steering factor is learned as fast"""
+    model with large errors, such as a linear one; the steering factor is learned as fast"""
     corridor_m: Annotated[float, Field(gt=0.0, le=100.0)] | None = None
     """distance from the path beyond which the plan has an additional cost; none: no such cost"""
     beyond_corridor_m: Annotated[float, Field(ge=1e-6, le=100.0)] = 0.05
@@ -205,7 +205,10 @@ class ControllerConfig(Settings):
             return found
         if not is_model(str(controller)):
             if found.get("plan") == "native":
-                raise ValueError(f"plan: expected python with {controller}, found native")
+                raise ValueError(
+                    f"plan: expected python, since {controller} is no model, found native. Leave out "
+                    f"one of them."
+                )
             return found
         model = found.get("model")
         if model not in (None, controller):

@@ -21,8 +21,7 @@ MOTION_GAIN = 0.12
 """share of what a prediction did not explain of v_y and yaw rate that becomes disturbance in one
 period; the faster, the sooner a model that is wrong about the gain of its steering oscillates"""
 FAST_MPS = 22.0
-"""in a faster car the share is (FAST_MPS / v_x)^6 as large: the motion of a car that is less damped
-than that of the model follows the wheel later, and would oscillate"""
+"""above this speed the share is multiplied by (FAST_MPS / v_x)^6, for the same car"""
 SPEED_GAIN, PLACE_GAIN = 0.03, 0.04
 """the same of v_x, and of e_y and e_psi"""
 MOVED = 0.03
@@ -36,8 +35,8 @@ LARGEST_DISTURBANCE = np.array(VehicleState(0.1, 0.1, 0.05, 0.0, 0.01, 0.005))
 
 GAIN = VehicleState(1.0, 1.0, 0.7, 1.0, 0.05, 0.05)
 """share of the difference between the measured and the predicted state that is taken over in one
-period: the noise of a sensor is averaged where the prediction is good. That of v_y is not, for
-another car at speed: it would be late, and the car would oscillate"""
+period: the noise of a sensor is averaged where the prediction is good. v_y is taken as measured: the
+prediction is too early for a car that follows its wheel later, which then oscillates at speed"""
 OFFSET_GAIN = VehicleState(0.0, 0.0, 0.0, 0.0, 0.001, 0.001)
 """the same of the offset of the prediction: with it a wrong model or a sensor with an offset leaves
 no constant difference"""

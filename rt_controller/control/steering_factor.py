@@ -7,17 +7,18 @@ from rt_controller.contract.signals import ControlInput
 SMALLEST, LARGEST = 0.7, 1.4
 """bounds of the factor, whatever is measured"""
 INFORMATION = 0.018
-"""over the gain of the disturbance: sum of squares of the yaw rate, in (rad/s)^2, after which two
-thirds of an error are corrected; a model that needs a small gain has errors of other kinds"""
+"""divided by the gain of the disturbance: sum of squares of the yaw rate, in (rad/s)^2, after which
+two thirds of an error are corrected"""
 LEAST_RADPS = 0.02
-"""yaw rate, less its average, of which something is learned: noise of the sensor has no effect on
-the prediction, so on a straight road a factor learned from it would grow to its bound"""
+"""smallest yaw rate, less its average, from which the factor is learned: noise of the sensor is not
+in the prediction, so a factor that is learned from noise grows to its bound"""
 AVERAGED = 0.02
 """share of one period in the averages: those of about a second"""
 
 
 def information(gain: float) -> float:
-    """Sum of squares of the yaw rate, in (rad/s)^2, that a factor is learned from."""
+    """As `INFORMATION`, for a gain of the disturbance. A model that needs a small gain, such as a
+    linear one, is wrong in more than this factor, and learns it as slowly."""
     return INFORMATION / gain if gain > 0.0 else inf
 
 

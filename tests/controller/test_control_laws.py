@@ -178,7 +178,9 @@ def test_a_law_that_cannot_be_used_is_refused_before_the_drive(own_file, tmp_pat
 
 
 def test_a_law_is_not_planned_with_in_c():
-    with pytest.raises(ConfigError, match="plan: expected python with stanley, found native"):
+    with pytest.raises(
+        ConfigError, match="plan: expected python, since stanley is no model, found native"
+    ):
         ControllerConfig(controller="stanley", plan="native")
 
 
