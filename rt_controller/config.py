@@ -206,8 +206,8 @@ class ControllerConfig(Settings):
         if not is_model(str(controller)):
             if found.get("plan") == "native":
                 raise ValueError(
-                    f"plan: expected python, since {controller} is no model, found native. Leave out "
-                    f"one of them."
+                    f"plan: expected python, since {controller} is no model, found native. Leave "
+                    f"out one of them."
                 )
             return found
         model = found.get("model")
