@@ -36,7 +36,7 @@ LARGEST_DISTURBANCE = np.array(VehicleState(0.1, 0.1, 0.05, 0.0, 0.01, 0.005))
 GAIN = VehicleState(1.0, 1.0, 0.7, 1.0, 0.05, 0.05)
 """share of the difference between the measured and the predicted state that is taken over in one
 period: the noise of a sensor is averaged where the prediction is good. v_y is taken as measured:
-its prediction is too early for a car that follows its wheel later, which oscillates at speed then"""
+its prediction is too early for a car that follows its wheel later, and that car oscillates"""
 OFFSET_GAIN = VehicleState(0.0, 0.0, 0.0, 0.0, 0.001, 0.001)
 """the same of the offset of the prediction: with it a wrong model or a sensor with an offset leaves
 no constant difference"""
