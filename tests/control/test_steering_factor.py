@@ -26,24 +26,6 @@ def test_a_car_with_another_steering_ratio_stays_on_its_path(tmp_path, ratio):
     assert drive.car_figures[0].value <= 0.010
 
 
-def test_a_car_that_follows_its_wheel_later_does_not_oscillate_at_speed(tmp_path):
-    scenario = tmp_path / "motorway.toml"
-    scenario.write_text(
-        """format = 2
-name = "a slight bend at 120 km/h"
-duration_s = 15.0
-metrics = ["ey_peak_m"]
-[reference]
-speed_kmh = { t_s = [0.0, 15.0], value = [120.0, 120.0] }
-[road]
-curvature_per_m = { s_m = [0.0, 100.0, 130.0, 160.0], value = [0.0, 0.0, 0.001, 0.0] }
-"""
-    )
-    drive = simulate(scenario, plant="commonroad:3")
-    assert drive.stop_s is None
-    assert drive.car_figures[0].value <= 0.1
-
-
 @pytest.mark.parametrize("of_car", [0.8, 1.0, 1.25])
 def test_the_factor_of_a_car_is_found_while_it_turns(of_car):
     factor = SteeringFactor(MOTION_GAIN)

@@ -14,7 +14,7 @@ pytest.importorskip("pythonfmu", reason="the extra [test] is not installed")
 from made_fmus import FOREIGN_MAPPING, make_foreign_car
 from virtual_drive import SHORT_LANE_CHANGE
 
-from rt_controller import cli
+from rt_controller import cli, simulate
 from rt_controller.contract.errors import ConfigError, PlantError
 from rt_controller.contract.signals import NEUTRAL_INPUT, ControlInput
 from rt_controller.settings import CarSettings
@@ -113,6 +113,24 @@ def test_commonroads_car_is_driven_through_the_lane_change(
     assert code == 0
     assert figures["final_mode"] == "STANDBY"
     assert figures["ey_peak_m"] <= 0.5
+
+
+def test_a_car_that_follows_its_wheel_later_does_not_oscillate_at_speed(tmp_path: Path) -> None:
+    scenario = tmp_path / "motorway.toml"
+    scenario.write_text(
+        """format = 2
+name = "a slight bend at 120 km/h"
+duration_s = 15.0
+metrics = ["ey_peak_m"]
+[reference]
+speed_kmh = { t_s = [0.0, 15.0], value = [120.0, 120.0] }
+[road]
+curvature_per_m = { s_m = [0.0, 100.0, 130.0, 160.0], value = [0.0, 0.0, 0.001, 0.0] }
+"""
+    )
+    drive = simulate(scenario, plant="commonroad:3")
+    assert drive.stop_s is None
+    assert drive.car_figures[0].value <= 0.1
 
 
 def test_an_fmu_that_fails_in_mid_drive_ends_in_a_safe_stop_and_a_message(
