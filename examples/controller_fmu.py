@@ -1,8 +1,11 @@
-"""The controller as an FMU, in the loop with the simulated car; it needs a C compiler.
+"""The controller as an FMU, in the loop with the simulated car.
 
-pip install -e ".[fmu]" && python examples/controller_fmu.py
+pip install -e ".[fmu]" && python examples/controller_fmu.py [FILE.fmu]
+
+Without a file it exports the default model, for which it needs a C compiler.
 """
 
+import sys
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -39,5 +42,9 @@ class FmuLaw:
 
 
 if __name__ == "__main__":
-    write_fmu(Path("controller.fmu"), Bundle.load("mdk-net"), MpcSettings())
-    print(simulate("double_lane_change", controller=FmuLaw(Path("controller.fmu"))).errors)
+    if sys.argv[1:]:
+        file = Path(sys.argv[1])
+    else:
+        file = Path("controller.fmu")
+        write_fmu(file, Bundle.load("mdk-net"), MpcSettings())
+    print(simulate("double_lane_change", controller=FmuLaw(file)).errors)

@@ -105,7 +105,7 @@ class Export:
         """A program of one file and the law."""
         program = f"./{Path(main).stem}"
         flags = ["-std=gnu99", "-ffp-contract=off", *options.split()]
-        flags += ["-DMDK_FLOAT"] * (real == "float")
+        flags += [f"-DMDK_FLOAT={int(real == 'float')}"]
         self._run(compiler, *flags, main, *self._law, "-lm", "-o", program)
         return program
 

@@ -106,6 +106,9 @@ def export_c(
 def _write_sources(folder: Path, bundle: Bundle, law: NativePlanner, precision: Precision) -> None:
     for file in (*SOURCES.glob("*.[ch]"), *TEMPLATES.iterdir()):
         shutil.copyfile(file, folder / file.name)
+    if precision == "float":  # for files of the user that are compiled without an option, too
+        header = folder / "mdk.h"
+        header.write_text(header.read_text().replace("define MDK_FLOAT 0", "define MDK_FLOAT 1"))
     head = f"/* Model {bundle.name}, SHA-256 {bundle.sha256}. */\n\n"
     (folder / "mdk_model.c").write_text(head + model_source(law.constants, "MDK_MODEL"))
     (folder / "mdk_model.h").write_text(

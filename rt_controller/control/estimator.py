@@ -219,6 +219,7 @@ class Estimator:
                 self.disturbance, -LARGEST_DISTURBANCE, LARGEST_DISTURBANCE, out=self.disturbance
             )
         roll_outs.begin(psi)
+        self.steering.turn(applied.steer_rad)
         of_model = self.steering.of_model(applied)
         roll_outs.advance(roll_outs.after(of_model, curvature_per_m))
         self._is_advanced = True

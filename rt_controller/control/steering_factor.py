@@ -2,7 +2,10 @@
 
 from math import inf
 
+from rt_controller.contract.limits import INPUT_LIMITS
 from rt_controller.contract.signals import ControlInput
+from rt_controller.contract.timing import PERIOD_S
+from rt_controller.model.roll_outs import STEPS
 
 SMALLEST, LARGEST = 0.7, 1.4
 """bounds of the factor, whatever is measured"""
@@ -14,6 +17,8 @@ LEAST_RADPS = 0.02
 in the prediction, so a factor that is learned from noise grows to its bound"""
 AVERAGED = 0.02
 """share of one period in the averages: those of about a second"""
+AT_RATE_RAD = 0.95 * INPUT_LIMITS.rate_per_s.steer_rad * PERIOD_S
+"""change of the wheel in one period from which it is at its largest rate"""
 
 
 def information(gain: float) -> float:
@@ -33,8 +38,9 @@ class SteeringFactor:
     then, is compared with the measured one, each less its average: that contains what does not
     change with the wheel, as a bank or an offset of a sensor. The prediction is explained by the
     measurement and not the other way round: where the wheel only compensates a side wind, the
-    measured yaw rate is zero, and nothing is learned. Method: normalised least mean squares
-    (Widrow and Hoff, 1960).
+    measured yaw rate is zero, and nothing is learned. Nothing is learned either from a prediction
+    in which the wheel was at its largest rate: there the model is least exact. Method:
+    normalised least mean squares (Widrow and Hoff, 1960).
     """
 
     def __init__(self, gain: float) -> None:
@@ -49,10 +55,19 @@ class SteeringFactor:
         """averages, in rad/s; of the prediction with a factor of 1"""
         self._share = 1.0
         """of the next yaw rate in them: first they are the mean of all"""
+        self._steer_rad = 0.0
+        self._periods_left = 0
+        """until the wheel was not at its rate in the prediction that is learned from"""
 
     def of_model(self, control: ControlInput) -> ControlInput:
         """The input with which the car of the model moves as this car does with `control`."""
         return control._replace(steer_rad=self.value * control.steer_rad)
+
+    def turn(self, steer_rad: float) -> None:
+        """The angle of the wheel in the next period."""
+        is_at_rate = abs(steer_rad - self._steer_rad) >= AT_RATE_RAD
+        self._periods_left = STEPS if is_at_rate else max(self._periods_left - 1, 0)
+        self._steer_rad = steer_rad
 
     def learn(self, predicted_radps: float, measured_radps: float) -> None:
         """Learn from the yaw rate of now, and from that which was predicted with `value`."""
@@ -61,7 +76,7 @@ class SteeringFactor:
         self._measured += self._share * (measured_radps - self._measured)
         self._share = max(self._share / (1.0 + self._share), AVERAGED)
         predicted, measured = of_one_radps - self._predicted, measured_radps - self._measured
-        if abs(measured) < LEAST_RADPS:
+        if abs(measured) < LEAST_RADPS or self._periods_left > 0:
             return
         inverse = 1.0 / self.value
         error = predicted - inverse * measured

@@ -81,6 +81,7 @@ def constants_of(bundle: Bundle, settings: MpcSettings) -> Struct:
             information=steering_factor.information(settings.disturbance_gain),
             least_radps=steering_factor.LEAST_RADPS,
             averaged=steering_factor.AVERAGED,
+            at_rate_rad=steering_factor.AT_RATE_RAD,
         ),
         envelope=Struct(
             lower=tuple(limits.lower),

@@ -1,6 +1,7 @@
 """A car that turns otherwise for an angle of its wheel than the car of the model."""
 
 from dataclasses import replace
+from math import radians
 from pathlib import Path
 
 import numpy as np
@@ -50,6 +51,19 @@ def test_what_is_not_a_gain_of_the_wheel_changes_little(predicted_radps, measure
     for _ in range(400):
         factor.learn(predicted_radps, measured_radps)
     assert factor.value == pytest.approx(1.0, abs=0.05)
+
+
+def test_a_prediction_with_the_wheel_at_its_largest_rate_is_not_learned_from():
+    factor = SteeringFactor(MOTION_GAIN)
+    for k in range(400):
+        factor.turn(radians(4.9) * (k % 2))
+        factor.learn(0.2 * np.sin(0.5 * k), 0.2 * np.sin(0.5 * k - 0.8))
+    assert factor.value == 1.0
+    for k in range(400):
+        factor.turn(0.0)
+        wheel_radps = 0.2 * np.sin(0.05 * k)
+        factor.learn(factor.value * wheel_radps, 1.2 * wheel_radps)
+    assert factor.value == pytest.approx(1.2, rel=0.02)
 
 
 def test_noise_of_the_sensor_is_not_learned_on_a_straight_road():

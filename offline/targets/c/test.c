@@ -11,7 +11,7 @@
 #include "mdk_model.h"
 #include "recorded_drives.h"
 
-#ifdef MDK_FLOAT
+#if MDK_FLOAT
 static const double TOLERANCE = 1e-3;
 #else
 static const double TOLERANCE = 1e-5;

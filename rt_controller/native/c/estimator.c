@@ -129,7 +129,7 @@ void mdk_assume_steady(mdk_controller *c, const mdk_real state[MDK_STATES], mdk_
 
 /* Learn how far the car turns, from the yaw rate of now and from that which was predicted for it. The
  * prediction is explained by the measurement: a wheel that only compensates a side wind teaches
- * nothing, and neither does noise of the sensor. */
+ * nothing, and neither do noise of the sensor, and a wheel at its largest rate. */
 static void learn_steering(mdk_controller *c, mdk_real predicted_radps, mdk_real measured_radps) {
     const mdk_estimation *shares = &c->model->estimation;
     mdk_steering *s = &c->steering;
@@ -141,13 +141,21 @@ static void learn_steering(mdk_controller *c, mdk_real predicted_radps, mdk_real
     s->measured += s->share * (measured_radps - s->measured);
     s->share = larger(s->share / (R(1) + s->share), shares->averaged);
     const mdk_real predicted = of_one_radps - s->predicted, measured = measured_radps - s->measured;
-    if (fabs(measured) < shares->least_radps) {
+    if (fabs(measured) < shares->least_radps || s->periods_left > 0) {
         return;
     }
     mdk_real inverse = R(1) / s->factor;
     const mdk_real error = predicted - inverse * measured;
     inverse += measured * error / (shares->information + measured * measured);
     s->factor = R(1) / limited(inverse, R(1) / shares->largest_factor, R(1) / shares->smallest_factor);
+}
+
+/* The angle of the wheel in the next period. */
+static void turn(mdk_controller *c, mdk_real wheel_rad) {
+    mdk_steering *s = &c->steering;
+    const bool is_at_rate = fabs(wheel_rad - s->wheel_rad) >= c->model->estimation.at_rate_rad;
+    s->periods_left = is_at_rate ? MDK_BEGUN : s->periods_left > 0 ? s->periods_left - 1 : 0;
+    s->wheel_rad = wheel_rad;
 }
 
 /* Begin a prediction at the lifted state; advance all by a period in which `acting` acts. The error
@@ -183,6 +191,7 @@ void mdk_advance(mdk_controller *c, const mdk_real acting[MDK_INPUTS]) {
         }
     }
     copy(n, c->psi, e->psi + e->newest * n);
+    turn(c, acting[MDK_STEER]);
     e->begun = e->begun < MDK_BEGUN ? e->begun + 1 : MDK_BEGUN;
     mdk_real inputs[MDK_SIGNALS] = {R(0), R(0), R(0), c->kappa};
     mdk_of_model(c, acting, inputs);

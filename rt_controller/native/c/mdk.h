@@ -6,7 +6,7 @@
  * controllers can run side by side. SI units; the steering angle is that of the wheel, positive to
  * the left.
  *
- * C99. With MDK_FLOAT all numbers are float, otherwise double. */
+ * C99. All numbers are float if MDK_FLOAT is 1, otherwise double: the same in all files. */
 
 #ifndef MDK_H
 #define MDK_H
@@ -14,7 +14,10 @@
 #include <stdbool.h>
 #include <stddef.h>
 
-#ifdef MDK_FLOAT
+#ifndef MDK_FLOAT
+#define MDK_FLOAT 0
+#endif
+#if MDK_FLOAT
 typedef float mdk_real;
 #else
 typedef double mdk_real;
@@ -117,7 +120,7 @@ typedef struct {
     mdk_real gain[MDK_STATES], offset_gain[MDK_STATES];
     mdk_real kept[MDK_STATES], low_pass[MDK_STATES], largest[MDK_STATES];
     mdk_real moved_pedal, brake_n, fast_mps;
-    mdk_real smallest_factor, largest_factor, information, least_radps, averaged;
+    mdk_real smallest_factor, largest_factor, information, least_radps, averaged, at_rate_rad;
 } mdk_estimation;
 
 /* The last check of a command, and the bound of the wheel by the speed: `least_rad`, or more at low

@@ -52,9 +52,11 @@ typedef struct {
 } mdk_eq14;
 
 /* The gain from the wheel to the yaw rate, relative to that of the model, and averages of the yaw rate
- * that was predicted with a factor of 1, and of the measured one, with the share of the next one. */
+ * that was predicted with a factor of 1, and of the measured one, with the share of the next one; periods
+ * until the wheel was not at its rate in a prediction. */
 typedef struct {
-    mdk_real factor, predicted, measured, share;
+    mdk_real factor, predicted, measured, share, wheel_rad;
+    int periods_left;
 } mdk_steering;
 
 typedef struct {

@@ -12,7 +12,7 @@
 
 #include "mdk.h"
 
-#ifdef MDK_FLOAT /* as <tgmath.h>, which needs complex numbers that some libraries do not have */
+#if MDK_FLOAT /* as <tgmath.h>, which needs complex numbers that some libraries do not have */
 #define atan(x) atanf(x)
 #define atan2(y, x) atan2f(y, x)
 #define ceil(x) ceilf(x)

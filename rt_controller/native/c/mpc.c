@@ -102,7 +102,7 @@ void mdk_discard_estimates(mdk_controller *c) {
     c->estimator.begun = 0;
     set_zero(MDK_STATES, c->estimator.disturbance);
     c->estimator.pedals = R(0);
-    c->steering = (mdk_steering){R(1), R(0), R(0), R(1)};
+    c->steering = (mdk_steering){R(1), R(0), R(0), R(1), R(0), 0};
 }
 
 void mdk_reset(mdk_controller *c, const mdk_real previous[MDK_INPUTS]) {

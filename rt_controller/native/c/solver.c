@@ -9,7 +9,7 @@
 
 #include "mdk_internal.h"
 
-#ifdef MDK_FLOAT
+#if MDK_FLOAT
 static const mdk_real VIOLATION = R(5e-5), LARGEST_ERROR = R(5e-4);
 static const mdk_real DEPENDENT = R(1e-5), WRONG_SIGN = R(1e-4);
 #else
@@ -66,19 +66,24 @@ static mdk_real value_of(const mdk_qp *qp, int number, mdk_real *low, mdk_real *
     return i < MDK_INPUTS ? qp->v[i] : qp->v[i] - qp->v[i - MDK_INPUTS];
 }
 
-/* L D L' of the first `count` + 1 rows of M, if those before are factorised. False if the new row
+/* First column of a row of M that is not zero: L^-1 is a lower triangle. */
+static int begin_of(const mdk_qp *qp, int row) {
+    const int number = (int)qp->active[row], i = number % qp->size;
+    return number >= qp->size && i >= MDK_INPUTS ? i - MDK_INPUTS : i;
+}
+
+/* L D L' of the first `row` + 1 rows of M, if those before are factorised. False if the new row
  * depends on them. */
 static bool factorise_row(mdk_qp *qp, int row) {
-    const int nv = qp->size;
+    const int nv = qp->size, begin = begin_of(qp, row);
     const mdk_real *new = qp->M + row * nv;
     mdk_real *l = qp->D + row * (nv + 1);
-    const mdk_real size = dot(nv, new, new);
+    const mdk_real size = dot(nv - begin, new + begin, new + begin);
     mdk_real d = size;
     for (int j = 0; j < row; j++) {
-        l[j] = dot(nv, qp->M + j * nv, new);
-        for (int k = 0; k < j; k++) {
-            l[j] -= l[k] * qp->D[j * (nv + 1) + k];
-        }
+        const int other = begin_of(qp, j), first = other > begin ? other : begin;
+        const mdk_real product = dot(nv - first, qp->M + j * nv + first, new + first);
+        l[j] = product - dot(j, qp->D + j * (nv + 1), l);
     }
     for (int j = 0; j < row; j++) {
         const mdk_real scaled = l[j] / qp->D[j * (nv + 1) + j];

@@ -60,6 +60,27 @@ def test_the_shipped_model_in_c_drives_as_python_in_float_and_double(offline_exp
         assert int(found["periods"]) == figures["test"]["periods"]
 
 
+def test_the_code_of_the_readme_calls_the_law_without_options(
+    offline_export, short_drives, tmp_path
+):
+    offline_export("--target", "c", "--model", "lti", "--output", "law")
+    text = (tmp_path / "law" / "README.md").read_text()
+    code = text.partition("```c\n")[2].partition("```")[0]
+    (tmp_path / "main.c").write_text(
+        code
+        + """
+int main(void) {
+    mdk_situation now = {.state = {22, 0, 0, 0.55}, .path = {0, 0, 0, 0, 22}, .preview = {25}};
+    start();
+    return sizeof sent == 12 && every_period(&now) && sent[0] > 0 && sent[1] == 0 ? 0 : 1;
+}
+"""
+    )
+    make("law")
+    build = "cc -std=c99 -Ilaw main.c law/build/float/libmdk.a -lm -o main && ./main"
+    assert subprocess.run(build, shell=True, check=False).returncode == 0
+
+
 def test_a_wrong_constant_fails_the_test_of_the_folder(offline_export, short_drives, tmp_path):
     offline_export("--target", "c", "--model", "lti", "--precision", "double", "--output", "law")
     model = tmp_path / "law" / "mdk_model.c"
