@@ -23,11 +23,7 @@ from rt_controller.loop import FinishedTick, RunRecord, StopRequest, run_loop, s
 from rt_controller.model.bundle import Bundle
 from rt_controller.node import build_node
 from rt_controller.realtime.clock import Clock, LockstepClock
-from rt_controller.realtime.scheduling import (
-    NO_GUARANTEES,
-    real_time_process,
-    set_thread_priority,
-)
+from rt_controller.realtime.scheduling import NO_GUARANTEES, real_time_process, set_thread_priority
 from rt_controller.realtime.timing import DeadlineAccount, KernelCounters
 from rt_controller.recording.journal import BUS_FAILURE, TickRecord, describe_run
 from rt_controller.safety.checks import Check
@@ -38,12 +34,7 @@ LONGEST_LOCKSTEP_WAIT_NS = 5_000_000_000
 
 
 def wait_for_vehicle(
-    bus: can.BusABC,
-    inbox: Inbox,
-    clock: Clock,
-    phase_ns: int,
-    wait_ns: int,
-    request: StopRequest,
+    bus: can.BusABC, inbox: Inbox, clock: Clock, phase_ns: int, wait_ns: int, request: StopRequest
 ) -> None:
     """Return when state, path and identity were received, or a stop is requested.
 
@@ -173,14 +164,7 @@ class ControllerSession:
                     )
                 )
             self.inbox, self.outbox, self._step, self.supervisor = build_node(
-                self._bus,
-                config,
-                bundle,
-                planner,
-                clock,
-                self.recorder,
-                self._record_call,
-                checks,
+                self._bus, config, bundle, planner, clock, self.recorder, self._record_call, checks
             )
             self._opened = opened.pop_all()
 

@@ -30,11 +30,7 @@ from rt_controller.contract.braking import stop_speed_mps
 from rt_controller.contract.errors import BusError
 from rt_controller.contract.faults import NO_REFUSAL
 from rt_controller.contract.signals import NEUTRAL_INPUT, Mode
-from rt_controller.contract.timing import (
-    IDENT_PERIOD_TICKS,
-    MISSION_PERIOD_TICKS,
-    MISSION_VALID_NS,
-)
+from rt_controller.contract.timing import IDENT_PERIOD_TICKS, MISSION_PERIOD_TICKS, MISSION_VALID_NS
 from rt_controller.drive.scenario import CarFigure
 from rt_controller.vehicle.path_steering import Course, largest_brake_n, steer_along
 from rt_controller.vehicle.vehicle_envelope import STANDING

@@ -70,18 +70,12 @@ class Car:
         forward_mps, left_mps = road.wind_forward_mps, road.wind_left_mps
         if forward_mps or left_mps:
             c, s = cos(self.state.epsi_rad), sin(self.state.epsi_rad)
-            forward_mps, left_mps = (
-                c * forward_mps + s * left_mps,
-                c * left_mps - s * forward_mps,
-            )
+            forward_mps, left_mps = (c * forward_mps + s * left_mps, c * left_mps - s * forward_mps)
             road = road._replace(wind_forward_mps=forward_mps, wind_left_mps=left_mps)
         self._road_plant.set_road(road)
 
     def advance(
-        self,
-        control: ControlInput,
-        curvature: float | Table,
-        dt_s: float = PERIOD_S,
+        self, control: ControlInput, curvature: float | Table, dt_s: float = PERIOD_S
     ) -> VehicleState:
         """The state `dt_s` later; all NaN once the plant has failed.
 

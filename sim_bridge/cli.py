@@ -17,12 +17,7 @@ from rich.console import Console
 from rt_controller.contract.errors import BusError, ConfigError, OutputError
 from rt_controller.contract.figures import require_writable, write_figures
 from rt_controller.contract.timing import LONGEST_S
-from rt_controller.drive.scenario import (
-    EXIT_LIMIT,
-    explain_missed,
-    figures_to_json,
-    limits_missed,
-)
+from rt_controller.drive.scenario import EXIT_LIMIT, explain_missed, figures_to_json, limits_missed
 from rt_controller.settings import CAR_PRIORITY, VIRTUAL, BusSettings, CarSettings, SharedInterface
 from rt_controller.terminal.command_line import new_app, print_error, run_command
 from rt_controller.terminal.progress import SETTLING, Line, announce, show, watch
@@ -174,9 +169,7 @@ def _end(
 
 @app.command
 def validate(
-    *,
-    car: str | None = None,
-    json_file: Annotated[Path | None, Parameter(name="--json")] = None,
+    *, car: str | None = None, json_file: Annotated[Path | None, Parameter(name="--json")] = None
 ) -> int:
     """Compare the own car with published measurements; 1 if a line missed its target.
 

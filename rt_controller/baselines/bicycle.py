@@ -22,13 +22,7 @@ import numpy as np
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.car import DEFAULT_CAR
 from rt_controller.contract.limits import DEFAULT_GEOMETRY, INPUT_LIMITS, PLAN_STEER_RAD
-from rt_controller.contract.signals import (
-    AT_REST,
-    GRAVITY_MPS2,
-    N_INPUTS,
-    N_STATES,
-    ControlInput,
-)
+from rt_controller.contract.signals import AT_REST, GRAVITY_MPS2, N_INPUTS, N_STATES, ControlInput
 from rt_controller.contract.timing import PERIOD_S
 from rt_controller.model.bundle import Bundle
 

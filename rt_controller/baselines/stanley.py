@@ -16,12 +16,7 @@ from rt_controller.baselines.bicycle import Bicycle
 from rt_controller.baselines.tuned import tuned_values
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.limits import DEFAULT_GEOMETRY, INPUT_LIMITS
-from rt_controller.contract.signals import (
-    ControlInput,
-    PathReference,
-    StateColumn,
-    VehicleState,
-)
+from rt_controller.contract.signals import ControlInput, PathReference, StateColumn, VehicleState
 from rt_controller.contract.timing import PERIOD_S
 from rt_controller.control.estimator import MOTION_GAIN, Estimator
 from rt_controller.control.knots import place_knots

@@ -11,11 +11,7 @@ import numpy as np
 
 from rt_controller.contract.errors import ArtifactError
 from rt_controller.contract.limits import INPUT_LIMITS
-from rt_controller.contract.signals import (
-    ControlInput,
-    PathReference,
-    VehicleState,
-)
+from rt_controller.contract.signals import ControlInput, PathReference, VehicleState
 from rt_controller.contract.timing import PERIOD_S
 from rt_controller.control.eq14 import TrackingCost
 from rt_controller.control.mpc import Mpc

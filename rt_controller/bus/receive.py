@@ -197,10 +197,7 @@ class Inbox:
     """Receives for one node: the newest content of each message of the other node."""
 
     def __init__(
-        self,
-        node: Node,
-        recorder: Recorder | None = None,
-        catalogue: Catalogue = CATALOGUE,
+        self, node: Node, recorder: Recorder | None = None, catalogue: Catalogue = CATALOGUE
     ) -> None:
         self.counts = ReceptionCounts()
         self.condition = BusCondition()

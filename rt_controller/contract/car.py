@@ -153,10 +153,7 @@ def car_of(table: Mapping[str, Any]) -> Car:
     thresholds = found.pop("thresholds", {})
     if not isinstance(thresholds, Mapping):
         raise ValueError(f"thresholds: expected a table, found {thresholds!r:.40}")
-    wrong = [
-        *_objections(found, CAR_VALUES),
-        *_objections(thresholds, THRESHOLDS, "thresholds."),
-    ]
+    wrong = [*_objections(found, CAR_VALUES), *_objections(thresholds, THRESHOLDS, "thresholds.")]
     if wrong:
         raise ValueError("; ".join(wrong))
     return Car(**found, thresholds=dict(thresholds))

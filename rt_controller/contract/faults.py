@@ -155,10 +155,7 @@ class StopCause(StrEnum):
     )
     VEHICLE_BRAKING = "the vehicle's own watchdog is braking"
     STOP_REQUESTED = "stop requested"
-    SPEED_IMPLAUSIBLE = (
-        "v_x contradicts the progress along the road, or the model",
-        _STATE,
-    )
+    SPEED_IMPLAUSIBLE = "v_x contradicts the progress along the road, or the model", _STATE
     PROGRESS_IMPLAUSIBLE = "the progress along the road contradicts v_x", _STATE
     LATERAL_SPEED_IMPLAUSIBLE = (
         "v_y contradicts the change of the lateral error, or the model",
@@ -168,18 +165,9 @@ class StopCause(StrEnum):
         "the yaw rate contradicts the change of the heading, or the model",
         _STATE,
     )
-    HEADING_IMPLAUSIBLE = (
-        "the heading error contradicts the yaw rate and the curvature",
-        _STATE,
-    )
-    LATERAL_ERROR_IMPLAUSIBLE = (
-        "the lateral error contradicts speed and heading",
-        _STATE,
-    )
-    CURVATURE_IMPLAUSIBLE = (
-        "the curvature contradicts yaw rate and heading",
-        _STATE,
-    )
+    HEADING_IMPLAUSIBLE = "the heading error contradicts the yaw rate and the curvature", _STATE
+    LATERAL_ERROR_IMPLAUSIBLE = "the lateral error contradicts speed and heading", _STATE
+    CURVATURE_IMPLAUSIBLE = "the curvature contradicts yaw rate and heading", _STATE
     STATE_FROZEN = "the vehicle state does not change while the car moves", _STATE
     STATE_OLD = "old values of the vehicle state arrive in new frames", _STATE
     STEERING_MISMATCH = "the steering wheel does not follow the commands", _ACTUATOR
@@ -187,19 +175,10 @@ class StopCause(StrEnum):
     BRAKE_MISMATCH = "the brake does not follow the commands", _ACTUATOR
     TRACKING_LOST = "the car is too far from its path", _STATE
     PATH_JUMP = "the path jumps", _PATH
-    PATH_INCONSISTENT = (
-        "the path does not continue the path that was sent before",
-        _PATH,
-    )
+    PATH_INCONSISTENT = "the path does not continue the path that was sent before", _PATH
     PATH_SPEED_JUMP = "the wanted speed jumps", _PATH
-    PREVIEW_JUMP = (
-        "the curvature ahead does not continue the one that was sent before",
-        _PATH,
-    )
-    PATH_TOO_SHARP = (
-        "the path needs more lateral acceleration than is allowed",
-        _PATH,
-    )
+    PREVIEW_JUMP = "the curvature ahead does not continue the one that was sent before", _PATH
+    PATH_TOO_SHARP = "the path needs more lateral acceleration than is allowed", _PATH
     NOT_ENGAGED = (
         "the car is outside of the window in which the controller may begin to drive",
         Fault.NOT_ENGAGED,

@@ -6,12 +6,7 @@ from numpy.typing import NDArray
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.kinematics import heading_change_rad, lateral_change_along_m
 from rt_controller.contract.limits import INPUT_LIMITS
-from rt_controller.contract.signals import (
-    N_STATES,
-    ControlInput,
-    StateColumn,
-    VehicleState,
-)
+from rt_controller.contract.signals import N_STATES, ControlInput, StateColumn, VehicleState
 from rt_controller.contract.timing import PERIOD_S
 from rt_controller.control.steering_factor import SteeringFactor
 from rt_controller.model.bundle import Bundle

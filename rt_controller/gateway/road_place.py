@@ -38,11 +38,7 @@ class PlaceOnLine:
     """By [pose] and its reference line."""
 
     def __init__(
-        self,
-        line: ReferenceLine,
-        farthest_m: float,
-        ahead_m: float = 0.0,
-        left_m: float = 0.0,
+        self, line: ReferenceLine, farthest_m: float, ahead_m: float = 0.0, left_m: float = 0.0
     ) -> None:
         self._line = line
         self._farthest_m = farthest_m

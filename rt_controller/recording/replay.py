@@ -20,13 +20,7 @@ from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.signals import ControlInput, Mode
 from rt_controller.mapping.can_log import read_frames
 from rt_controller.node import ControlNode, build_node, build_planner
-from rt_controller.recording.journal import (
-    BUS_FAILURE,
-    Call,
-    Header,
-    TickRecord,
-    read_journal,
-)
+from rt_controller.recording.journal import BUS_FAILURE, Call, Header, TickRecord, read_journal
 from rt_controller.safety.tick import Tick
 
 _COMMAND_ID = COMMAND.codecs[0].arbitration_id

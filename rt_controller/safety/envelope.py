@@ -13,9 +13,7 @@ from rt_controller.contract.timing import PERIOD_S
 
 
 def limit(
-    wanted: ControlInput,
-    previous: ControlInput,
-    limits: InputLimits = INPUT_LIMITS,
+    wanted: ControlInput, previous: ControlInput, limits: InputLimits = INPUT_LIMITS
 ) -> ControlInput:
     """The input nearest to `wanted` that may follow `previous` one period later.
 

@@ -14,10 +14,7 @@ from rt_controller.contract.timing import PERIOD_S
 
 
 def lateral_demand(
-    path: PathReference,
-    curvature_per_m: float,
-    preview: CurvaturePreview | None,
-    speed_mps: float,
+    path: PathReference, curvature_per_m: float, preview: CurvaturePreview | None, speed_mps: float
 ) -> float:
     """Acceleration in m/s^2 that a car at `speed_mps` needs to follow the path.
 
@@ -30,10 +27,7 @@ def lateral_demand(
             preview.curvature_at(share * reach_m / preview.spacing_m) for share in (NEAR, FAR)
         )
     bend, change = 2.0 * path.c2_per_m, 6.0 * path.c3_per_m2 * reach_m
-    largest = max(
-        abs(near_per_m + bend + NEAR * change),
-        abs(far_per_m + bend + FAR * change),
-    )
+    largest = max(abs(near_per_m + bend + NEAR * change), abs(far_per_m + bend + FAR * change))
     return largest * speed_mps**2
 
 

@@ -81,11 +81,7 @@ def compare_at_terminal(
 def comparison_figures(comparison: Comparison, car: CarSettings) -> dict[str, Any]:
     """All rows, and the conditions of the drives, for `--json`."""
     conditions = car.model_dump(mode="json", exclude={"scenario"})
-    return {
-        "revision": source_revision(),
-        "conditions": conditions,
-        "drives": comparison.figures(),
-    }
+    return {"revision": source_revision(), "conditions": conditions, "drives": comparison.figures()}
 
 
 def _conditions(car: CarSettings) -> str:

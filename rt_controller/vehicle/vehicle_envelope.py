@@ -10,10 +10,7 @@ from typing import NamedTuple
 from rt_controller.bus.messages import Command
 from rt_controller.contract.car import DEFAULT_CAR, Car
 from rt_controller.contract.faults import NO_REFUSAL, Refusal
-from rt_controller.contract.limits import (
-    RELEASED_BRAKE_N,
-    RELEASED_THROTTLE,
-)
+from rt_controller.contract.limits import RELEASED_BRAKE_N, RELEASED_THROTTLE
 from rt_controller.contract.signals import ControlInput, Mode, PathReference, VehicleState
 from rt_controller.contract.timing import COMMAND_TIMEOUT_TICKS, PERIOD_S
 
@@ -41,11 +38,7 @@ STANDING = OwnMotion(0.0, 0.0, is_mission_on=True)
 
 
 def refusals(
-    command: Command,
-    before: ControlInput,
-    periods: int,
-    motion: OwnMotion,
-    car: Car = DEFAULT_CAR,
+    command: Command, before: ControlInput, periods: int, motion: OwnMotion, car: Car = DEFAULT_CAR
 ) -> Refusal:
     """Why the content of a command must not be followed; none if it may.
 

@@ -11,12 +11,7 @@ from typing import NamedTuple
 from pydantic import AfterValidator
 
 from rt_controller.contract.names import hint
-from rt_controller.contract.signals import (
-    VEHICLE,
-    ControlInput,
-    CurvaturePreview,
-    PathReference,
-)
+from rt_controller.contract.signals import VEHICLE, ControlInput, CurvaturePreview, PathReference
 
 ACTUATOR = "ACTUATOR"
 """no frame: what the pedals and the steering wheel of the plant do"""

@@ -41,13 +41,7 @@ from sim_bridge.scenario.speed import (
     reference_speed,
 )
 from sim_bridge.scenario.table import Table, constant
-from sim_bridge.scenario.values import (
-    NotNegative,
-    OverDistance,
-    OverTime,
-    Written,
-    table_within,
-)
+from sim_bridge.scenario.values import NotNegative, OverDistance, OverTime, Written, table_within
 from sim_bridge.toml_file import FileTable, Number, entries
 
 PREVIEW_MIN_M = 4.0

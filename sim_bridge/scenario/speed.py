@@ -11,13 +11,7 @@ from pydantic import Field
 
 from sim_bridge.scenario.limits import FASTEST_KMH, KMH_PER_MPS, SLOWEST_KMH
 from sim_bridge.scenario.table import Table, constant, through
-from sim_bridge.scenario.values import (
-    NotNegative,
-    OverDistance,
-    OverTime,
-    Written,
-    require_within,
-)
+from sim_bridge.scenario.values import NotNegative, OverDistance, OverTime, Written, require_within
 from sim_bridge.toml_file import FileTable, Number
 
 STANDING_MPS = 0.1

@@ -24,12 +24,7 @@ from sim_bridge.validation.run import (
     replay,
     run_driver,
 )
-from sim_bridge.validation.signal_metrics import (
-    crossing,
-    sine_in,
-    slope,
-    step_response,
-)
+from sim_bridge.validation.signal_metrics import crossing, sine_in, slope, step_response
 
 _PATH_X_M, _PATH_Y_M = np.array(((70.0, 95.0, 120.0, 145.0), (0.0, 3.5, 3.5, 0.0)))
 """corners of the path of the lane change at the limit"""
