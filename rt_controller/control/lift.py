@@ -25,7 +25,7 @@ _EXTERNAL_DATA = b"location"
 
 
 class Encoder:
-    """The lift of one bundle, of one state or a batch of states, in preallocated memory.
+    """The lift of one bundle, in preallocated memory.
 
     Raises:
         ArtifactError: it cannot be opened, or does not reproduce its self-test pairs.
@@ -41,7 +41,6 @@ class Encoder:
         self._x, self._w = inputs["x"], inputs.get("w", np.zeros((1, 1), dtype=np.float32))
         self.history: Rows | None = inputs["history"][0] if "history" in shapes else None
         """(H, h), the history that `lift` reads: to be written in place"""
-        self._sees_curvature = "w" in shapes
         n = bundle.n_observables
         self._psi = np.zeros((1, n), dtype=np.float32)
         self.psi = np.zeros(n)
@@ -61,16 +60,6 @@ class Encoder:
         self.psi[:] = self._psi[0]
         self.psi[:N_STATES] = state
         return self.psi
-
-    def lift_batch(self, states: Array, curvature_per_m: float) -> Array:
-        """psi (batch, n) of states (batch, 6), all at one curvature; for a lift without history."""
-        inputs = {"x": states.astype(np.float32)}
-        if self._sees_curvature:
-            inputs["w"] = np.full((len(states), 1), curvature_per_m, dtype=np.float32)
-        (psi,) = self._session.run(["psi"], inputs)
-        lifted: Array = psi.astype(np.float64)
-        lifted[:, :N_STATES] = states
-        return lifted
 
     def _check(self, bundle: Bundle) -> None:
         try:

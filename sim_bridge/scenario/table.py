@@ -171,9 +171,9 @@ class Ramp(NamedTuple):
     last: float
 
 
-def chained(ramps: Sequence[Ramp], start: float = 0.0) -> Table:
+def chained(ramps: Sequence[Ramp]) -> Table:
     """The table of linear pieces in a row; each may begin with a jump."""
-    starts = start + np.concatenate(([0.0], np.cumsum([ramp.length for ramp in ramps])))
+    starts = np.concatenate(([0.0], np.cumsum([ramp.length for ramp in ramps])))
     coefficients = np.zeros((len(starts), 4))
     for row, ramp in zip(coefficients, ramps, strict=False):
         row[:2] = ramp.first, (ramp.last - ramp.first) / ramp.length

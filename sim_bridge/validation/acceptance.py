@@ -149,12 +149,11 @@ def count_sentence(results: Sequence[LineResult]) -> str:
     )
 
 
-def acceptance_table(results: Sequence[LineResult], has_sources: bool = False) -> Table:
-    """The lines with a heading for each test and car; the sources of the targets make it wide."""
+def acceptance_table(results: Sequence[LineResult]) -> Table:
+    """The lines with a heading for each test and car."""
     numbers = ("reached", "target", "tolerance")
-    heads = ("line", "", *numbers, "unit", "kind", "remark", "source of the target")
-    widths: dict[str, Literal["short", "long"]] = {"unit": "short", heads[-1]: "long"}
-    columns = [Column(h, "", h not in numbers, widths.get(h, "")) for h in heads]
+    heads = ("line", "", *numbers, "unit", "kind", "remark")
+    columns = [Column(h, "", h not in numbers, "short" if h == "unit" else "") for h in heads]
     rows: list[Row] = []
     for (test, car), lines in groupby(results, key=lambda line: (line.test, line.car)):
         rows.append((f"{test} · {TESTS[test].title}, {car}",))
@@ -166,10 +165,9 @@ def acceptance_table(results: Sequence[LineResult], has_sources: bool = False) -
             )
             remarks = ["fitted"] * line.fitted
             remarks += [f"not judged: {line.not_judged}"] if line.not_judged else []
-            words = (line.unit, line.kind, "; ".join(remarks), line.source or "")
+            words = (line.unit, line.kind, "; ".join(remarks))
             rows.append((line.name, _mark(line), *numbers, *words))
-    n = len(columns) if has_sources else len(columns) - 1
-    return Table("", tuple(columns[:n]), tuple(row[:n] for row in rows))
+    return Table("", tuple(columns), tuple(rows))
 
 
 def _mark(line: LineResult) -> Cell:

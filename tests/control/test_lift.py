@@ -93,8 +93,6 @@ def test_only_a_lift_with_curvature_depends_on_the_curvature():
         straight = lift.lift(STATE, 0.0)[WIDTH:].copy()
         bend = lift.lift(STATE, 0.004)[WIDTH:]
         assert np.array_equal(straight, bend) is not changes
-        by_batch = lift.lift_batch(np.array([STATE, STATE]), 0.004)[1]
-        np.testing.assert_allclose(by_batch[WIDTH:], bend, rtol=1e-5)
 
 
 def test_the_lift_depends_on_every_entry_of_the_history():
