@@ -74,7 +74,7 @@ def read_frames(path: Path, remedy: str) -> Iterator[LoggedFrame]:
     except RtControllerError:
         raise
     except Exception as error:  # python-can's readers raise many types
-        raise DatasetError(f"{explain_damage(path, number)}. {remedy}") from error
+        raise DatasetError(f"{_explain_damage(path, number)}. {remedy}") from error
 
 
 class Sampled(NamedTuple):
@@ -135,11 +135,16 @@ def _candump_frames(path: Path, remedy: str) -> Iterator[LoggedFrame]:
     """Those of a candump log; python-can would take error frames of most classes for data."""
     with path.open(encoding="utf-8-sig", errors="replace") as lines:
         for number, line in enumerate(lines, start=1):
-            if not line.strip():
+            text = line.strip()
+            if not text:
                 continue
-            if not is_candump_line(line):
-                raise DatasetError(f"{explain_candump_line(path, number, line)}. {remedy}")
-            stamp, channel, content = line.split()[:3]
+            if not _CANDUMP_LINE.fullmatch(text):
+                shown = text if len(text) <= 80 else f"{text[:80]}…"
+                raise DatasetError(
+                    f"{path}, line {number}: expected (seconds) channel ID#DATA with ID and DATA "
+                    f"in hexadecimal digits, found {shown!r}. {remedy}"
+                )
+            stamp, channel, content = text.split()[:3]
             digits, _, data = content.partition("#")
             identifier, is_extended = int(digits, 16), len(digits) == 8
             if (is_extended and identifier & _ERROR_FLAG) or data.startswith("R"):
@@ -186,22 +191,7 @@ def _incompleteness(path: Path) -> str:
     return f"expected {expected}, found {last!r}: it is truncated"
 
 
-def is_candump_line(line: str) -> bool:
-    """True if this is a whole line as `candump -L` writes it."""
-    return _CANDUMP_LINE.fullmatch(line.strip()) is not None
-
-
-def explain_candump_line(path: Path, number: int, line: str) -> str:
-    """The place, and what was expected and found there, of a line in another form."""
-    text = line.strip()
-    shown = text if len(text) <= 80 else f"{text[:80]}…"
-    return (
-        f"{path}, line {number}: expected (seconds) channel ID#DATA with ID and DATA in "
-        f"hexadecimal digits, found {shown!r}"
-    )
-
-
-def explain_damage(path: Path, n_frames: int) -> str:
+def _explain_damage(path: Path, n_frames: int) -> str:
     """The place, and what was expected and found there, of a log refused after `n_frames`."""
     if n_frames == 0:
         return (
