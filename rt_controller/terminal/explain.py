@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from contextlib import closing
 from math import isnan, nan
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
 from threadpoolctl import threadpool_limits
@@ -36,6 +36,9 @@ from rt_controller.safety.tick import Tick
 from rt_controller.terminal.progress import announce
 from rt_controller.terminal.stop_message import Margin, exceeded, plausibility_margins
 
+if TYPE_CHECKING:
+    from rt_controller.terminal.options import ExplainOptions, ReplayOptions
+
 _DEGRADED = {
     Mode.SAFE_STOP: "was part of a safe stop",
     Mode.HOLD_PLAN: "followed the last plan",
@@ -53,22 +56,18 @@ _WITHOUT_QP = {
 _NO_FACTS = ("sentence", "checks", "stage_times")
 
 
-def explain_at_terminal(
-    log: Path, number: int | None, model: str | Path | None, json_file: Path | None, is_quiet: bool
-) -> int:
-    """Print the page about a tick; the exit code of the program.
-
-    Without a `number` it is the tick in which the last safe stop began.
-    """
-    require_writable(json_file, inputs=(log,))
-    with announce(f"replaying {log} up to one tick", is_quiet), threadpool_limits(1, "blas"):
+def explain_at_terminal(log: Path, options: "ExplainOptions | ReplayOptions") -> int:
+    """Print the page about a tick; the exit code of the program."""
+    require_writable(options.json_file, inputs=(log,))
+    with announce(f"replaying {log} up to one tick", options.quiet), threadpool_limits(1, "blas"):
         drive = read_recorded_drive(log)
-        with closing(Replay(drive, model)) as replay:
-            page = _explain(drive, replay, _begin_of_stop(drive) if number is None else number)
+        with closing(Replay(drive, options.model)) as replay:
+            number = _begin_of_stop(drive) if options.tick is None else options.tick
+            page = _explain(drive, replay, number)
     print_text(page["sentence"], Console())
     for table in _tables(page):
         print_table(table, Console())
-    write_figures(json_file, page)
+    write_figures(options.json_file, page)
     return 0
 
 

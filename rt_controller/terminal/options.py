@@ -2,12 +2,13 @@
 
 import os
 import tomllib
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal, get_args
 
 from cyclopts import Parameter
 from cyclopts.config import Dict
-from pydantic import ConfigDict, Field, ValidationError, field_validator
+from pydantic import ConfigDict, Field, PositiveInt, ValidationError, field_validator
 
 from rt_controller.config import ControllerConfig, ShippedModel
 from rt_controller.contract.errors import ConfigError
@@ -17,8 +18,11 @@ from rt_controller.contract.timing import LONGEST_S
 from rt_controller.settings import VIRTUAL, BusSettings, CarSettings
 
 _Duration = Annotated[float, Field(gt=0.0, le=LONGEST_S, allow_inf_nan=False)]
+_Tick = Annotated[int, Field(ge=0)]
+_JsonFile = Annotated[Path | None, Parameter(name="--json")]
 
 
+@Parameter(name="*")
 class RunOptions(ControllerConfig, CarSettings, BusSettings):
     """Options of one run; those of `CarSettings` are for `--bus virtual` only."""
 
@@ -39,7 +43,7 @@ class RunOptions(ControllerConfig, CarSettings, BusSettings):
     `explain` read it with the .journal beside it"""
     overwrite: bool = False
     """replace an existing log of --record, which otherwise is refused"""
-    json_file: Annotated[Path | None, Parameter(name="--json")] = Field(None, alias="json")
+    json_file: _JsonFile = Field(None, alias="json")
     """write the summary to this JSON file"""
     plot: Path | None = None
     """draw the drive into this file: .png, .svg or .pdf; .gif is a moving picture from above: the
@@ -109,6 +113,138 @@ class RunOptions(ControllerConfig, CarSettings, BusSettings):
                 f"--{changed[0].replace('_', '-')}: expected --bus virtual, found {self.bus!r}. On "
                 f"another bus the car is chosen where sim-bridge is started."
             )
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class CheckOptions:
+    """Options of `signals check`."""
+
+    bus: str | None = None
+    """or the python-can interface to listen to"""
+    channel: str = "rt-controller"
+    """of the interface"""
+    bitrate: PositiveInt | None = None
+    """in bit/s, where the interface sets it"""
+    listen_s: _Duration = 10.0
+    """how long to listen"""
+    json_file: _JsonFile = None
+    """write the report to this JSON file"""
+    quiet: bool = False
+    """no progress on stderr"""
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class GatewayOptions:
+    """Options of `signals gateway`."""
+
+    bus: str
+    """python-can interface on which rt-controller is"""
+    channel: str = "rt-controller"
+    """of that interface"""
+    bitrate: PositiveInt | None = None
+    """of that interface, in bit/s"""
+    car_bus: str
+    """python-can interface on which the car is"""
+    car_channel: str
+    """of that interface"""
+    car_bitrate: PositiveInt | None = None
+    """of that interface, in bit/s"""
+    model: str | None = None
+    """name or folder of a model, for the estimate of a lateral speed that is not measured"""
+    priority: Annotated[int, Field(ge=0, le=99)] = 50
+    """SCHED_FIFO priority, where the system allows it; 0: none"""
+    json_file: _JsonFile = None
+    """write the counts to this JSON file"""
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class ReplayOptions:
+    """Options of `replay`."""
+
+    tick: _Tick | None = None
+    """replay up to this tick, from 0, and show it as `explain` does"""
+    model: str | Path | None = None
+    """another model, to see what it would have commanded; default: the recorded one"""
+    mcap: Path | None = None
+    """write decoded signals, plan and cause of every replayed tick to this MCAP file"""
+    overwrite: bool = False
+    """replace an existing file of --mcap"""
+    json_file: _JsonFile = None
+    """write the result to this JSON file"""
+    quiet: bool = False
+    """no progress on stderr"""
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class ExplainOptions:
+    """Options of `explain`."""
+
+    tick: _Tick | None = None
+    """number of the tick, from 0; default: the one in which the last safe stop began"""
+    model: str | Path | None = None
+    """another model; default: the recorded one"""
+    json_file: _JsonFile = None
+    """write the same to this JSON file"""
+    quiet: bool = False
+    """no progress on stderr"""
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class ReportOptions:
+    """Options of `report`."""
+
+    output: Path | None = None
+    """file of the page; default: the name of the log with .html"""
+    model: str | Path | None = None
+    """another model; default: the recorded one"""
+    overwrite: bool = False
+    """replace an existing page"""
+    json_file: _JsonFile = None
+    """write the figures to this JSON file"""
+    quiet: bool = False
+    """no progress on stderr"""
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class CompareOptions:
+    """Options of `compare`."""
+
+    scenario: Annotated[tuple[str, ...], Parameter(consume_multiple=True, negative="")] = (
+        "double_lane_change",
+    )
+    """one or several, each a shipped one or the path of a .toml or .xodr file"""
+    seeds: Annotated[int, Field(ge=0, le=1000)] = 0
+    """number of drives of each scenario, each with other noise of the sensors; 0: one without"""
+    plant: str = "own"
+    """own, fmu:FILE.fmu, commonroad:NUMBER or model:BUNDLE"""
+    car: str | None = None
+    """parameters of the own car: a shipped name, or the path of a .toml file"""
+    friction: float | None = None
+    """of the road; default: the scenario's"""
+    faults: Path | None = None
+    """faults of bus and actuators, a .toml file"""
+    backend: Literal["loky", "dask", "ray"] = "loky"
+    """where the drives run: processes of this machine, a Dask or a Ray cluster"""
+    address: str | None = None
+    """HOST:PORT of the cluster; default: a new one on this machine"""
+    jobs: int = -1
+    """processes; -1 is one per core"""
+    html: Path | None = None
+    """write this page: the table, and an overlay of the drives of each scenario"""
+    plot: Path | None = None
+    """draw the overlay of the first scenario into this file: .png, .svg or .pdf"""
+    results: Path | None = None
+    """keep every finished drive in this file; after an interruption the same command goes on"""
+    json_file: _JsonFile = None
+    """write the figures of all drives to this JSON file"""
+    quiet: bool = False
+    """no progress on stderr"""
 
 
 def read_config_file(path: Path) -> Dict:

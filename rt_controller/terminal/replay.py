@@ -3,6 +3,7 @@
 from collections import Counter
 from contextlib import ExitStack, closing
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from rich.console import Console
 from threadpoolctl import threadpool_limits
@@ -21,49 +22,45 @@ from rt_controller.report.table import Column, Table, print_table
 from rt_controller.terminal.command_line import print_error
 from rt_controller.terminal.progress import announce, show
 
+if TYPE_CHECKING:
+    from rt_controller.terminal.options import ReplayOptions
+
 PROGRAM = "rt-controller replay"
 SHOWN = 20
 """differences on the terminal; the JSON file has all"""
 
 
-def replay_at_terminal(
-    log: Path,
-    model: str | Path | None,
-    mcap: Path | None,
-    overwrite: bool,
-    json_file: Path | None,
-    is_quiet: bool,
-) -> int:
+def replay_at_terminal(log: Path, options: "ReplayOptions") -> int:
     """Replay a log, print what differs; the exit code of the program."""
-    require_writable(json_file, inputs=(log,))
-    require_writable(mcap, "--mcap", suffix=".mcap")
+    require_writable(options.json_file, inputs=(log,))
+    require_writable(options.mcap, "--mcap", suffix=".mcap")
     found: list[Difference] = []
     with (
-        announce(f"replaying {log}", is_quiet),
+        announce(f"replaying {log}", options.quiet),
         threadpool_limits(1, "blas"),
         ExitStack() as opened,
     ):
         drive = read_recorded_drive(log)
-        replay = opened.enter_context(closing(Replay(drive, model)))
+        replay = opened.enter_context(closing(Replay(drive, options.model)))
         file = None
-        if mcap is not None:
+        if options.mcap is not None:
             from rt_controller.recording.mcap import McapFile
 
-            file = opened.enter_context(closing(McapFile(mcap, overwrite)))
+            file = opened.enter_context(closing(McapFile(options.mcap, options.overwrite)))
         for tick in replay.ticks():
             found += differences(tick)
             if file is not None:
                 file.add(tick, replay.planner)
     changed = drive.header.changed_versions()
     for change in changed:
-        show(f"note: {change}", is_quiet)
+        show(f"note: {change}", options.quiet)
     ticks, missing_from = len(drive.driven), drive.incomplete_from
     differing = len({each.tick for each in found})
     if found:
         print_table(_to_table(found), Console())
     print(f"{log}: {ticks} ticks replayed, {differing} with another command")
     if drive.ends_in_drive:
-        show(f"note: {Ending.LOG_ENDED.value}", is_quiet)
+        show(f"note: {Ending.LOG_ENDED.value}", options.quiet)
     figures = {
         "log": str(drive.path),
         "model": drive.header.model,
@@ -77,7 +74,7 @@ def replay_at_terminal(
         "differences_by_signal": dict(Counter(each.signal for each in found)),
         "differences": [each._asdict() for each in found],
     }
-    write_figures(json_file, figures)
+    write_figures(options.json_file, figures)
     if missing_from is not None:
         print_error(
             PROGRAM,
@@ -86,7 +83,7 @@ def replay_at_terminal(
             f"record to a disk with more room",
         )
     if file is not None and file.failure:
-        print_error(PROGRAM, f"{mcap}: expected room for the file, found {file.failure}")
+        print_error(PROGRAM, f"{options.mcap}: expected room for the file, found {file.failure}")
     return EXIT_LIMIT if found or missing_from is not None else 0
 
 

@@ -5,7 +5,7 @@ from contextlib import closing
 from dataclasses import asdict, replace
 from math import isnan, nan
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from rich.console import Console
@@ -44,23 +44,19 @@ from rt_controller.terminal.stop_message import (
 )
 from rt_controller.terminal.summary import fault_sentences, record_to_json, verdict, why_late
 
+if TYPE_CHECKING:
+    from rt_controller.terminal.options import ReportOptions
 
-def report_at_terminal(
-    logs: Sequence[Path],
-    model: str | Path | None,
-    output: Path | None,
-    json_file: Path | None,
-    overwrite: bool,
-    is_quiet: bool,
-) -> int:
+
+def report_at_terminal(logs: Sequence[Path], options: "ReportOptions") -> int:
     """Write the page about one or two logs, print its headline; the exit code of the program."""
     require_report_extra("rt-controller report")
-    page_file = logs[0].with_suffix(".html") if output is None else output
+    page_file = options.output or logs[0].with_suffix(".html")
     require_writable(page_file, "--output", suffix=".html")
-    require_writable(json_file, inputs=logs)
+    require_writable(options.json_file, inputs=logs)
     names = label_paths(logs, "report")
     recorded = [read_recorded_drive(log) for log in logs]
-    if page_file.exists() and not overwrite:
+    if page_file.exists() and not options.overwrite:
         raise ConfigError(
             f"{page_file}: expected no page of that name yet, found one, which is left as it is. "
             f"Name another file with --output; --overwrite replaces it."
@@ -68,9 +64,12 @@ def report_at_terminal(
     drives = []
     with threadpool_limits(1, "blas"):
         for name, each in zip(names, recorded, strict=True):
-            with announce(f"replaying {each.path}", is_quiet), closing(Replay(each, model)) as it:
+            with (
+                announce(f"replaying {each.path}", options.quiet),
+                closing(Replay(each, options.model)) as it,
+            ):
                 drives.append(_Account(name, each, it).reported())
-    with announce("drawing", is_quiet):
+    with announce("drawing", options.quiet):
         written = save_page(drive_page(drives), page_file, "--output")
     for drive in drives:
         named = f"{drive.name}: " if len(drives) > 1 else ""
@@ -78,7 +77,7 @@ def report_at_terminal(
             named + drive.figures["headline"][0], highlight=False, markup=False, soft_wrap=True
         )
     print(written)
-    write_figures(json_file, compared_figures(drives))
+    write_figures(options.json_file, compared_figures(drives))
     return 0
 
 

@@ -6,6 +6,7 @@ from contextlib import ExitStack
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import can
 from rich.console import Console
@@ -37,33 +38,34 @@ _PAUSE_S = 0.05
 """between two reads, from which on this program was not run"""
 
 
-def check_at_terminal(
-    file: Path,
-    log: Path | None,
-    bus: BusSettings | None,
-    listen_s: float,
-    json_file: Path | None,
-    is_quiet: bool,
-) -> int:
+if TYPE_CHECKING:
+    from rt_controller.terminal.options import CheckOptions, GatewayOptions
+
+
+def check_at_terminal(file: Path, log: Path | None, options: "CheckOptions") -> int:
     """Print what arrives of each signal; 0, or 8 if something was found."""
-    require_writable(json_file, inputs=(file, log))
-    if (log is None) == (bus is None):
+    bus = options.bus and BusSettings(
+        bus=options.bus, channel=options.channel, bitrate=options.bitrate
+    )
+    require_writable(options.json_file, inputs=(file, log))
+    if (log is None) == (not bus):
         raise ConfigError(
             "expected a log or --bus, found "
             + ("both" if log is not None else "neither")
             + ". Name a CAN log (.blf, .asc, .log, .trc), or the bus to listen to."
         )
     car = _read_car(file)
-    if bus is not None:
+    if bus:
         bus.require_openable(car.database.is_fd)
     require_sendable(car, choose_car(car, load_bundle(find_model(None))))
     pauses_s: list[float] = []
     channel: int | str | None = None  # of a log
     with ExitStack() as opened:
-        if bus is not None:
+        if bus:
             listened = bus.open_bus(car.database.is_fd)
             opened.callback(close_bus, listened)
-            opened.enter_context(announce(f"listening for {listen_s:g} s", is_quiet))
+            listen_s = options.listen_s
+            opened.enter_context(announce(f"listening for {listen_s:g} s", options.quiet))
             frames, where = _listen(listened, listen_s, pauses_s), str(listened.channel_info)
         elif log is not None:
             frames, where, channel = read_frames(log, REMEDY), str(log), car.mapping.can.channel
@@ -75,24 +77,21 @@ def check_at_terminal(
             f"{sum(pauses_s):.3g} s in all. If a gap is reported, repeat the check on a machine "
             f"with less load."
         )
-    write_figures(json_file, {**report.figures(), "not_run_s": pauses_s})
+    write_figures(options.json_file, {**report.figures(), "not_run_s": pauses_s})
     return 0 if report.is_ok else EXIT_FOUND
 
 
-def gateway_at_terminal(
-    file: Path,
-    bus: BusSettings,
-    car_bus: BusSettings,
-    model: str | None,
-    priority: int,
-    json_file: Path | None,
-) -> int:
+def gateway_at_terminal(file: Path, options: "GatewayOptions") -> int:
     """Translate until Ctrl-C."""
-    require_writable(json_file, inputs=(file,))
+    bus = BusSettings(bus=options.bus, channel=options.channel, bitrate=options.bitrate)
+    car_bus = BusSettings(
+        bus=options.car_bus, channel=options.car_channel, bitrate=options.car_bitrate
+    )
+    require_writable(options.json_file, inputs=(file,))
     car = _read_car(file)
     car_bus.require_openable(car.database.is_fd)
     bus.require_openable()
-    bundle = load_bundle(find_model(model))
+    bundle = load_bundle(find_model(options.model))
     lateral_speed, description = choose_lateral_speed(car, bundle), choose_car(car, bundle)
     require_sendable(car, description)
     of_model = (bundle.car or DEFAULT_CAR).own_values
@@ -104,14 +103,14 @@ def gateway_at_terminal(
         )
     with ExitStack() as opened:
         # First: the threads that a bus starts inherit the settings of the process.
-        guarantees = opened.enter_context(real_time_process(priority))
+        guarantees = opened.enter_context(real_time_process(options.priority))
         below = car_bus.open_bus(car.database.is_fd)
         opened.callback(close_bus, below)
         above = bus.open_bus()
         opened.callback(close_bus, above)
         gateway = Gateway(below, above, car, lateral_speed, description)
         opened.enter_context(stop_on_signals(gateway.request_end))
-        guarantees = set_thread_priority(priority, process=guarantees)
+        guarantees = set_thread_priority(options.priority, process=guarantees)
         show(f"translating between {below.channel_info} and {above.channel_info}")
         show(guarantees.sentence())
         run_gateway(gateway)
@@ -120,7 +119,7 @@ def gateway_at_terminal(
     for counted in ("refused_because", "braked_because"):
         shown.pop(counted)
     Console().print("  ".join(f"{name} {value}" for name, value in shown.items()))
-    write_figures(json_file, figures)
+    write_figures(options.json_file, figures)
     return INTERRUPTED if gateway.requests >= LEAVING_REQUEST else 0
 
 
