@@ -148,11 +148,6 @@ class Receiver:
             return None
         return now_ns - self._state.arrival_ns + self._delay_ns
 
-    @property
-    def bus_state(self) -> BusState:
-        """What the CAN controller reports of itself."""
-        return self._inbox.condition.state
-
     def _bus_fault(self) -> StopCause:
         """What is wrong with the bus or with the other participants on it; NONE if nothing is."""
         inbox = self._inbox

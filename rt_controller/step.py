@@ -65,6 +65,7 @@ class ControlStep:
         """time on the clock that the last tick took as its own"""
         self._note_call = note_call
         self._receiver = Receiver(bus, inbox)
+        self._bus_condition = inbox.condition
         self._outbox = outbox
         self._dry_run_outbox = Outbox(DiscardBus(), Node.CONTROLLER)
         self._planner = InputPlanner(planner, low_speed)
@@ -309,7 +310,7 @@ class ControlStep:
         self._send_failures = outbox.send_failures
         is_mismatch = tick.bus_fault is StopCause.PEER_MISMATCH
         is_bus_faulty |= tick.bus_fault is not StopCause.NONE and not is_mismatch
-        is_bus_faulty |= self._receiver.bus_state.is_disturbed
+        is_bus_faulty |= self._bus_condition.state.is_disturbed
         alarm, rejection = tick.estimate.alarm, tick.estimate.rejection
         faults = tick.estimate.report
         for is_set, fault in (

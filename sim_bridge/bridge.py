@@ -94,6 +94,8 @@ class Bridge:
         self._outbox = Outbox(self._bus, Node.VEHICLE, sent)
         self._car = car
         self.scenario = scenario
+        self.plant_name = car.plant.name
+        """of the own car that of its parameters"""
         self.run = ScenarioRun(scenario, car.state, car.s_m)
         """the car at the end of the last period, from the plant and not from the bus"""
         self._curvature = scenario.road.curvature_per_m
@@ -134,11 +136,6 @@ class Bridge:
     def is_waiting(self) -> bool:
         """True until a controller drives the car."""
         return self.run.ticks == 0
-
-    @property
-    def plant_name(self) -> str:
-        """Name of the plant; of the own car that of its parameters."""
-        return self._car.plant.name
 
     @property
     def is_braking(self) -> bool:

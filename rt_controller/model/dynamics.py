@@ -4,7 +4,7 @@ Everything that runs a finished model uses these: controller, evaluation and lin
 """
 
 from enum import IntEnum
-from typing import NamedTuple, Protocol
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,9 @@ from rt_controller.contract.arrays import Array
 from rt_controller.contract.signals import PATH_STATES
 from rt_controller.model.follow import Follow
 from rt_controller.model.path_kinematics import Movement, path_after, path_of, path_of_one
+
+if TYPE_CHECKING:
+    from rt_controller.model.bundle import Bundle
 
 
 class Shape(IntEnum):
@@ -84,21 +87,8 @@ class Matrices(NamedTuple):
     predicted as all other observables"""
 
 
-class Dynamics(Protocol):
-    """What has the matrices of a model: `Matrices`, or a bundle."""
-
-    @property
-    def A(self) -> Array: ...
-    @property
-    def B_uc(self) -> Array: ...
-    @property
-    def B_uw(self) -> Array: ...
-    @property
-    def c(self) -> Array: ...
-    @property
-    def gains(self) -> Gains | None: ...
-    @property
-    def movement(self) -> Movement | None: ...
+Dynamics: TypeAlias = "Matrices | Bundle"
+"""what has the matrices of a model"""
 
 
 class Step:
