@@ -82,24 +82,19 @@ class StopRequest:
     """Requests to end the run: the first stops the car, the third ends the loop at once."""
 
     def __init__(self) -> None:
-        self._times = 0
+        self.times = 0
 
     def request(self) -> None:
         """Request once more; safe from a signal handler."""
-        self._times += 1
-
-    @property
-    def times(self) -> int:
-        """Number of requests."""
-        return self._times
+        self.times += 1
 
     @property
     def is_requested(self) -> bool:
-        return self._times > 0
+        return self.times > 0
 
     @property
     def is_urgent(self) -> bool:
-        return self._times >= URGENT_REQUEST
+        return self.times >= URGENT_REQUEST
 
 
 @dataclass(slots=True)

@@ -170,18 +170,6 @@ def car_settings_of(**values: Any) -> CarSettings:
         raise ConfigError(explain(refused, dotted, CarSettings)) from None
 
 
-def require_scenario(found: object) -> None:
-    """Return if an argument is a `Scenario`.
-
-    Raises:
-        TypeError: it is not.
-    """
-    from sim_bridge.scenario import Scenario
-
-    expected = "the name or path of a scenario, or a sim_bridge.Scenario"
-    require_type("scenario", found, Scenario, expected)
-
-
 def simulate(
     scenario: "str | Path | Scenario" = "double_lane_change",
     *,
@@ -224,7 +212,10 @@ def simulate(
         TypeError: an argument is of another type.
     """
     if not isinstance(scenario, str | Path):
-        require_scenario(scenario)
+        from sim_bridge.scenario import Scenario
+
+        expected = "the name or path of a scenario, or a sim_bridge.Scenario"
+        require_type("scenario", scenario, Scenario, expected)
     require_type("car", car, str | Path | None, "the name or path of a car")
     require_type("faults", faults, str | Path | None, "the path of a file of faults")
     require_type("friction", friction, Real | None, "one number")
