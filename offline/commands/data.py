@@ -18,10 +18,7 @@ from sim_bridge.campaign import THIS_MACHINE, Backend
 Ranges = Annotated[
     Variation | None,
     Parameter(
-        name="*",
-        group="Road, wind, load and tyres",
-        negative_none="no-",
-        negative_iterable="",
+        name="*", group="Road, wind, load and tyres", negative_none="no-", negative_iterable=""
     ),
 ]
 

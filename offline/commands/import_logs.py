@@ -50,11 +50,7 @@ def import_command(
 
 
 def import_logs(
-    mapping_file: Path,
-    places: Sequence[Path],
-    folder: Path | None,
-    *,
-    replace: bool,
+    mapping_file: Path, places: Sequence[Path], folder: Path | None, *, replace: bool
 ) -> dict[str, Any]:
     """Figures of `offline-import`; without a folder the logs are only checked.
 

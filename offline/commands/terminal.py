@@ -80,9 +80,7 @@ def _plain_progress(title: str, total: int, first: int) -> Callable[[int, str], 
 
 
 @contextmanager
-def stop_on_signals(
-    on_request: Callable[[], None] = lambda: None,
-) -> Iterator[Callable[[], bool]]:
+def stop_on_signals(on_request: Callable[[], None] = lambda: None) -> Iterator[Callable[[], bool]]:
     """Yields a function that is true once SIGINT (Ctrl-C), SIGTERM or SIGHUP was received.
 
     `on_request` is called when the first signal is received; a second one has its usual effect. A

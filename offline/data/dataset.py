@@ -41,12 +41,7 @@ from offline.data.recording import Anchor, Recording, Starts, cut
 from offline.data.signals import Roles, Trajectories
 from rt_controller.contract.car import Car, car_of
 from rt_controller.contract.errors import DatasetError
-from rt_controller.contract.files import (
-    DamagedArchiveError,
-    atomic_write,
-    read_arrays,
-    write_text,
-)
+from rt_controller.contract.files import DamagedArchiveError, atomic_write, read_arrays, write_text
 from rt_controller.contract.signals import Schema
 
 _SLICE_ARRAYS = ("slice_row", "slice_episode", *(f"slice_{name}" for name in Anchor._fields))

@@ -23,13 +23,7 @@ from numpy.typing import NDArray
 from offline.config import PAST_STEPS, PRESETS, STEPS
 from offline.data.dataset import Dataset, cache_folder, save_dataset, split_episodes, writable
 from offline.data.manifest import Roads, Simulated
-from offline.data.recipe import (
-    CONDITIONS,
-    Conditions,
-    Recipe,
-    draw_conditions,
-    draw_inputs,
-)
+from offline.data.recipe import CONDITIONS, Conditions, Recipe, draw_conditions, draw_inputs
 from offline.data.recording import Anchor, Recording, Starts
 from offline.data.signals import VEHICLE_ROLES, Array32
 from offline.data.variation import VARIED, Variation

@@ -14,12 +14,7 @@ import numpy as np
 
 from offline.data.variation import NOMINAL, Variation, describe
 from rt_controller.contract.arrays import Array
-from rt_controller.contract.limits import (
-    INPUT_LIMITS,
-    PEDAL_CHANGE_S,
-    PLAN_STEER_RAD,
-    InputLimits,
-)
+from rt_controller.contract.limits import INPUT_LIMITS, PEDAL_CHANGE_S, PLAN_STEER_RAD, InputLimits
 from rt_controller.contract.timing import PERIOD_S
 from sim_bridge.plant.parameters import (
     Parameters,

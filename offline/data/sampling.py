@@ -77,9 +77,7 @@ class Batch(NamedTuple):
         rows = times[:, None] + torch.arange(past, device=times.device)
         history = self.memory[rows]
         return Instants(
-            self.x[times],
-            self.w[times.clamp(max=self.steps - 1)],
-            history.permute(0, 2, 1, 3),
+            self.x[times], self.w[times.clamp(max=self.steps - 1)], history.permute(0, 2, 1, 3)
         )
 
     def errors_of(self, predicted: Tensor) -> Tensor:

@@ -136,10 +136,7 @@ def eigenvalues(names: Sequence[str], bundles: Sequence[Bundle]) -> Figure:
 
 
 def lane_change_plot(
-    driven: LaneChange,
-    predicted: Mapping[str, Array],
-    main: Sequence[str],
-    others: Sequence[str],
+    driven: LaneChange, predicted: Mapping[str, Array], main: Sequence[str], others: Sequence[str]
 ) -> Figure:
     """Six states and the steering wheel angle over time; dotted lines where predictions start.
 

@@ -89,11 +89,7 @@ def loss_of_means(
 
 
 def single_step_loss(
-    psi_before: Tensor,
-    psi_after: Tensor,
-    A: Tensor,
-    forcing: Tensor,
-    weight: Tensor | float = 1.0,
+    psi_before: Tensor, psi_after: Tensor, A: Tensor, forcing: Tensor, weight: Tensor | float = 1.0
 ) -> Tensor:
     """Squared error of one step of the linear model.
 

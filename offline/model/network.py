@@ -23,13 +23,7 @@ from torch import Tensor, nn
 from offline.config import TrainingConfig
 from offline.data.sampling import Instants
 from offline.model.encoder import Encoder, MakeEncoder
-from offline.model.observables import (
-    Observables,
-    Sizes,
-    alternating,
-    observables_of,
-    signs_of,
-)
+from offline.model.observables import Observables, Sizes, alternating, observables_of, signs_of
 from offline.model.path import Path, Units
 from offline.model.rollout import roll_out, roll_out_gains
 from rt_controller.contract.signals import PATH_STATES
