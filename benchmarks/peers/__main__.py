@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal, get_args
 import cyclopts
 from rich.console import Console
 
-from benchmarks.peers.comparison import Mode, compare, tables_of
+from benchmarks.peers.comparison import compare, tables_of
 from benchmarks.peers.recording import TIERS, Tier, record
 from benchmarks.peers.solvers import COLD, DEFAULT, find_solvers
 from rt_controller.config import ShippedModel
@@ -22,8 +22,8 @@ from rt_controller.terminal.command_line import run_command
 HARD = Path(__file__).parents[1] / "scenarios" / "hard_lane_change.toml"
 Scenario = Literal["mild", "hard"]
 SCENARIOS: dict[Scenario, str] = {"mild": "double_lane_change", "hard": str(HARD)}
-PLOTTED = {"tier": "slew", "mode": Mode.PREPARED.value}
-"""the shipped controller"""
+PLOTTED: Tier = "slew"
+"""as in the shipped controller"""
 
 app = cyclopts.App(name="python -m benchmarks.peers", version_flags=[])
 
@@ -34,7 +34,6 @@ def main(
     models: tuple[ShippedModel, ...] = ("mdk-net", "mdk-net-paper"),
     tiers: tuple[Tier, ...] = get_args(Tier),
     scenarios: tuple[Scenario, ...] = get_args(Scenario),
-    modes: tuple[Mode, ...] = tuple(Mode),
     only: tuple[str, ...] = (),
     rounds: int = 5,
     json: Annotated[Path | None, cyclopts.Parameter(name="--json")] = None,
@@ -46,11 +45,10 @@ def main(
         models: shipped models to drive with; mdk-net has a new Hessian every period.
         tiers: slew: with slew rates; corridor: also with soft bounds on e_y.
         scenarios: mild: the shipped double lane change; hard: one near the limit of grip.
-        modes: what a solver is given before the clock starts.
         only: names of the solvers to compare; the controller's own are always included.
         rounds: repetitions of all solvers; ratios are taken within a round.
         json: file for all figures.
-        plot: file (SVG or PNG) for a plot of the first model: slew, prepared.
+        plot: file (SVG or PNG) for a plot of the first model with slew.
     """
     require_writable(json)
     if plot is not None:
@@ -64,13 +62,12 @@ def main(
     for model, scenario, tier in product(models, scenarios, tiers):
         with console.status(f"{model}, {scenario}, {tier}: driving"):
             recording = record(model, SCENARIOS[scenario], TIERS[tier])
-        for mode in modes:
-            names = {"model": model, "scenario": scenario, "tier": tier, "mode": mode.value}
-            title = ", ".join(names.values())
-            with console.status(title):
-                recordings.append((names, compare(recording, entries, mode, rounds)))
-            for table in tables_of(title, recordings[-1][1]):
-                print_table(table, console)
+        names = {"model": model, "scenario": scenario, "tier": tier}
+        title = ", ".join(names.values())
+        with console.status(title):
+            recordings.append((names, compare(recording, entries, rounds)))
+        for table in tables_of(title, recordings[-1][1]):
+            print_table(table, console)
     figures = {
         "machine": platform.processor() or platform.machine(),
         "python": platform.python_version(),
@@ -81,9 +78,9 @@ def main(
     }
     write_figures(json, figures)
     if plot is not None:
-        shown = {"model": models[0], **PLOTTED}
+        shown = {"model": models[0], "tier": PLOTTED}
         panels = [
-            ("QP of {model}\n{scenario} lane change, {tier}, {mode}".format(**names), one)
+            ("QP of {model}\n{scenario} lane change, {tier}".format(**names), one)
             for names, one in recordings
             if shown.items() <= names.items()
         ]

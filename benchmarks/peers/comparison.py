@@ -2,7 +2,6 @@
 
 import time
 from collections.abc import Iterator, Sequence
-from enum import StrEnum
 from math import inf
 from typing import Any, NamedTuple
 
@@ -10,7 +9,7 @@ import numpy as np
 import pandas as pd
 import qpsolvers
 
-from benchmarks.peers.recording import Matrices, Recording, Vectors
+from benchmarks.peers.recording import Matrices, Recording
 from benchmarks.peers.solvers import COLD, DEFAULT, TOLERANCES, SolverEntry, one_sided_problem
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.signals import N_INPUTS
@@ -41,15 +40,6 @@ HEADS = {
 
 class UncertainError(Exception):
     """A solution could not be certified."""
-
-
-class Mode(StrEnum):
-    """What the solver is given before the clock starts."""
-
-    PREPARED = "prepared"
-    """the matrices, and the problem at the predicted state, as in the controller"""
-    UNPREPARED = "unprepared"
-    """nothing: new matrices and the solve are timed together"""
 
 
 class SolverRun(NamedTuple):
@@ -90,32 +80,27 @@ def exact_first_inputs(recording: Recording) -> Array:
 
 
 def run_solver(
-    entry: SolverEntry,
-    tolerance: float,
-    recording: Recording,
-    mode: Mode,
-    max_unsolved: float = inf,
+    entry: SolverEntry, tolerance: float, recording: Recording, max_unsolved: float = inf
 ) -> SolverRun:
-    """All problems once, or until more than `max_unsolved` are unsolved."""
+    """All problems once, or until more than `max_unsolved` are unsolved.
+
+    New matrices, and the problem at the predicted state, are not timed, as in the controller.
+    """
     program = recording.program.copy()
     solver = entry.open(program, tolerance)
     times_us: list[float] = []
     first_inputs: list[Array] = []
-    unsolved, matrices_us, is_prepared = 0, 0.0, mode is Mode.PREPARED
+    unsolved = 0
     for event in recording.replay(program):
-        if isinstance(event, Vectors) and event.is_warm_up and not is_prepared:
-            continue
-        begun_ns = time.perf_counter_ns()
         if isinstance(event, Matrices):
             solver.update_matrices()
-            matrices_us = 0.0 if is_prepared else (time.perf_counter_ns() - begun_ns) / 1e3
             continue
+        begun_ns = time.perf_counter_ns()
         status = solver.solve()
         spent_us = (time.perf_counter_ns() - begun_ns) / 1e3
         if event.is_warm_up:
             continue
-        times_us.append(spent_us + matrices_us)
-        matrices_us = 0.0
+        times_us.append(spent_us)
         unsolved += status is not SolveStatus.SOLVED
         first_inputs.append(solver.solution[:N_INPUTS].copy())
         if unsolved > max_unsolved:
@@ -126,14 +111,14 @@ def run_solver(
 def find_tolerance(entry: SolverEntry, recording: Recording, exact: Array) -> float | None:
     """Loosest tolerance that solves every problem accurately; None if there is none."""
     for tolerance in TOLERANCES if entry.has_tolerance else TOLERANCES[:1]:
-        run = run_solver(entry, tolerance, recording, Mode.PREPARED, max_unsolved=0)
+        run = run_solver(entry, tolerance, recording, max_unsolved=0)
         if run.unsolved == 0 and run.error(exact) <= ACCEPTED_ERROR:
             return tolerance
     return None
 
 
 def compare(
-    recording: Recording, entries: Sequence[SolverEntry], mode: Mode, rounds: int
+    recording: Recording, entries: Sequence[SolverEntry], rounds: int
 ) -> dict[str, dict[str, Any]]:
     """Figures of each solver by its name, with the loosest tolerance that is accurate.
 
@@ -146,7 +131,7 @@ def compare(
     rng = np.random.default_rng(0)
     for round_ in range(rounds):
         for entry in (entries[index] for index in rng.permutation(len(entries))):
-            run = run_solver(entry, tolerances[entry.name] or 1e-6, recording, mode)
+            run = run_solver(entry, tolerances[entry.name] or 1e-6, recording)
             times_us = np.percentile(run.times_us, (50, 99, 100), method="higher")
             rows.append((round_, entry.name, *times_us, run.error(exact), run.unsolved))
     names = ["round", "name", "p50_us", "p99_us", "max_us", "first_input_error", "unsolved"]

@@ -14,7 +14,6 @@ from benchmarks.peers import __main__ as peers
 from benchmarks.peers import comparison
 from benchmarks.peers.comparison import (
     ACCEPTED_ERROR,
-    Mode,
     compare,
     exact_first_inputs,
     find_tolerance,
@@ -68,11 +67,10 @@ def test_only_the_problem_of_each_tick_is_timed(recording):
     problems = [event for event in recording.events if not isinstance(event, Matrices)]
     assert {event.is_warm_up for event in problems} == {True, False}
     assert first_inputs.shape == (sum(not event.is_warm_up for event in problems), 3)
-    for mode in Mode:
-        run = run_solver(OWN[0], 1e-6, recording, mode)
-        assert len(run.times_us) == len(run.first_inputs) == len(first_inputs)
-        assert run.unsolved == 0
-        assert run.error(first_inputs) <= ACCEPTED_ERROR
+    run = run_solver(OWN[0], 1e-6, recording)
+    assert len(run.times_us) == len(run.first_inputs) == len(first_inputs)
+    assert run.unsolved == 0
+    assert run.error(first_inputs) <= ACCEPTED_ERROR
 
 
 @pytest.mark.parametrize("status", [SolveStatus.SOLVED, SolveStatus.ITERATION_LIMIT])
@@ -84,7 +82,7 @@ def test_a_solver_that_is_wrong_or_fails_has_no_accepted_tolerance(status):
 
 def test_results_are_ratios_to_the_default_and_to_cold_piqp():
     wrong = SolverEntry("wrong", "numpy", WrongSolver, False)
-    found = compare(recorded("mdk-net", "slew"), [*OWN, wrong], Mode.PREPARED, 2)
+    found = compare(recorded("mdk-net", "slew"), [*OWN, wrong], 2)
     assert set(found) == {DEFAULT, COLD, "wrong"}
     assert not found["wrong"]["is_accurate"]
     for name in (DEFAULT, COLD):
