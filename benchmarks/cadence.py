@@ -7,7 +7,6 @@ import json as json_module
 import tempfile
 from collections.abc import Sequence
 from contextlib import ExitStack
-from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple
 
@@ -16,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from rich.console import Console
 
-from benchmarks.processes import program, start, start_bus_server
+from benchmarks.processes import program, start
 from rt_controller.contract.errors import BusError
 from rt_controller.contract.faults import StopCause
 from rt_controller.contract.figures import require_writable, write_figures
@@ -50,13 +49,6 @@ STALL_CAUSES = (
 """why a drive stops if the host does not run its processes for some time"""
 
 
-class Transport(StrEnum):
-    """How frames go from process to process: shared memory, or python-can-remote's server."""
-
-    LOCAL = "local"
-    REMOTE = "remote"
-
-
 class CadenceRun(NamedTuple):
     """One drive."""
 
@@ -75,7 +67,6 @@ def main(
     variants: tuple[Variant, ...] = ("default",),
     ticks: int = 40_000,
     rounds: int = 1,
-    transport: Transport = Transport.LOCAL,
     car_cpu: int = 0,
     controller_cpu: int = 1,
     json: Annotated[Path | None, cyclopts.Parameter(name="--json")] = None,
@@ -87,8 +78,7 @@ def main(
         ticks: of each variant in a round: 40,000 take 17 minutes. If the host stalls and the car is
             stopped, another drive supplies the missing ticks.
         rounds: repetitions of all variants in turn; figures are of all ticks.
-        transport: local: shared memory; remote: python-can-remote and its server.
-        car_cpu: core of the vehicle, and of the server.
+        car_cpu: core of the vehicle.
         controller_cpu: core of the controller.
         json: file for all figures.
     """
@@ -104,8 +94,8 @@ def main(
                 missing = (round_ + 1) * ticks - sum(len(drive.ticks) for drive in driven)
                 if missing < MIN_TICKS and driven:
                     break
-                where = (transport, car_cpu, controller_cpu)
-                driven.append(drive_in_real_time(missing, VARIANTS[variant], *where))
+                cpus = car_cpu, controller_cpu
+                driven.append(drive_in_real_time(missing, VARIANTS[variant], *cpus))
             stolen_s[variant] += _stolen_s() - before_s
     figures = [
         {"variant": variant, "stolen_s_all_cores": stolen_s[variant], **aggregate(driven)}
@@ -113,8 +103,7 @@ def main(
     ]
     for one in figures:
         print_table(_table(one), console)
-    of_all = {"ticks": ticks, "rounds": rounds, "transport": transport.value}
-    write_figures(json, {**of_all, "variants": figures})
+    write_figures(json, {"ticks": ticks, "rounds": rounds, "variants": figures})
     return 0
 
 
@@ -187,12 +176,12 @@ def write_slalom(file: Path, ticks: int) -> None:
 
 
 def drive_in_real_time(
-    ticks: int, options: Sequence[str], transport: Transport, car_cpu: int, controller_cpu: int
+    ticks: int, options: Sequence[str], car_cpu: int, controller_cpu: int
 ) -> CadenceRun:
     """A slalom of so many ticks.
 
-    The vehicle, and the server if there is one, run on one core, the controller on the other. If
-    the host stalls for long, the drive ends early in a safe stop.
+    The vehicle runs on one core, the controller on the other. If the host stalls for long, the
+    drive ends early in a safe stop.
 
     Raises:
         BusError: the drive ended early for another reason.
@@ -201,10 +190,7 @@ def drive_in_real_time(
         folder = Path(name)
         scenario = folder / "slalom.toml"
         write_slalom(scenario, ticks)
-        channel = f"cadence-{folder.name}"
-        if transport is Transport.REMOTE:
-            _, channel = start_bus_server(folder / "bus.log", running, car_cpu)
-        bus = ("--bus", transport.value, "--channel", channel, "--quiet")
+        bus = ("--bus", "local", "--channel", f"cadence-{folder.name}", "--quiet")
         car_log, controller_log = folder / "car.log", folder / "controller.log"
         summary_file, ticks_file = folder / "controller.json", folder / "ticks.csv"
         car = program("sim_bridge.cli", *bus, "--scenario", str(scenario))
