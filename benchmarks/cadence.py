@@ -8,7 +8,7 @@ import tempfile
 from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
-from typing import Annotated, Any, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import cyclopts
 import numpy as np
@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from rich.console import Console
 
 from benchmarks.processes import program, start
+from offline.commands.options import JsonFile
 from rt_controller.contract.errors import BusError
 from rt_controller.contract.faults import StopCause
 from rt_controller.contract.figures import require_writable, write_figures
@@ -69,7 +70,7 @@ def main(
     rounds: int = 1,
     car_cpu: int = 0,
     controller_cpu: int = 1,
-    json: Annotated[Path | None, cyclopts.Parameter(name="--json")] = None,
+    json: JsonFile = None,
 ) -> int:
     """Drive in real time and print the time of each stage of the step.
 
@@ -80,7 +81,6 @@ def main(
         rounds: repetitions of all variants in turn; figures are of all ticks.
         car_cpu: core of the vehicle.
         controller_cpu: core of the controller.
-        json: file for all figures.
     """
     require_writable(json)
     console = Console()

@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import cyclopts
 import numpy as np
@@ -21,6 +21,7 @@ from pydantic import TypeAdapter
 from rich.console import Console
 
 from benchmarks.conditions import Condition, conditions, disturbed
+from offline.commands.options import JsonFile
 from rt_controller.config import ControllerConfig
 from rt_controller.contract.errors import PlantError
 from rt_controller.contract.faults import StopCause
@@ -103,7 +104,7 @@ def main(
     hours: float = 10.0,
     drives: Path | None = None,
     backend: Backend = THIS_MACHINE,
-    json: Annotated[Path | None, cyclopts.Parameter(name="--json")] = None,
+    json: JsonFile = None,
 ) -> None:
     """Drive until so many hours are reached, and print the rate of false alarms of each check.
 
@@ -113,7 +114,6 @@ def main(
         hours: of simulated driving.
         drives: file with one line of JSON for each drive. What it already has is not driven again:
             an interrupted run goes on with the same command.
-        json: also write the figures there.
     """
     require_writable(json)
     require_writable(drives, "--drives")

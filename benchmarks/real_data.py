@@ -9,6 +9,7 @@ import cyclopts
 from offline.commands.evaluate import evaluation_figures, run_evaluation
 from offline.commands.export import export_run
 from offline.commands.import_logs import import_logs
+from offline.commands.options import JsonFile, Several
 from offline.commands.terminal import STDOUT
 from offline.commands.train import start_run
 from offline.config import TrainingConfig
@@ -21,7 +22,6 @@ from rt_controller.terminal.command_line import run_command
 from sim_bridge.campaign import THIS_MACHINE
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
-SEVERAL = cyclopts.Parameter(consume_multiple=True, negative="")
 BASELINES = ("persistence", "lti", "dmdc-delays-path", "lti-scheduled-delays", "edmd-bilinear")
 
 
@@ -52,9 +52,9 @@ def main(
     other_track: Path | None = None,
     preset: str = "quick",
     steps: int | None = None,
-    seeds: Annotated[tuple[int, ...], SEVERAL] = (0, 1, 2),
-    baselines: Annotated[tuple[str, ...], SEVERAL] = BASELINES,
-    json: Annotated[Path | None, cyclopts.Parameter(name="--json")] = None,
+    seeds: Annotated[tuple[int, ...], Several] = (0, 1, 2),
+    baselines: Annotated[tuple[str, ...], Several] = BASELINES,
+    json: JsonFile = None,
 ) -> int:
     """Import, train, export and evaluate, and print the tables in Markdown.
 
@@ -70,7 +70,6 @@ def main(
         steps: of the training; default: those of the preset.
         seeds: one model for each; the first is also trained with a constant B.
         baselines: as in offline-evaluate.
-        json: file for all figures.
     """
     require_writable(json)
     require_folder(folder, "FOLDER")

@@ -9,7 +9,6 @@ straight road with noisy sensors. A safe stop costs 1.
 from collections.abc import Callable
 from functools import partial
 from math import inf, isfinite
-from pathlib import Path
 from typing import Annotated, Any
 
 import cyclopts
@@ -17,6 +16,7 @@ import optuna
 from rich.console import Console
 
 from benchmarks.rivals.scenarios import NOISY, SEARCH
+from offline.commands.options import JsonFile
 from rt_controller import ControllerConfig, Drive, simulate
 from rt_controller.baselines.bicycle_mpc import BicycleMpc, settings_of
 from rt_controller.baselines.stanley import Gains, Stanley
@@ -84,7 +84,7 @@ def main(
     trials: Annotated[int, cyclopts.Parameter(validator=cyclopts.validators.Number(gte=1))] = 60,
     seed: int = 0,
     nearby: Annotated[bool, cyclopts.Parameter(negative="")] = False,
-    json: Annotated[Path | None, cyclopts.Parameter(name="--json")] = None,
+    json: JsonFile = None,
 ) -> int:
     """Search the weights or gains of a controller; the first trial is that of its defaults.
 
@@ -95,7 +95,6 @@ def main(
         trials: number of trials, each a drive of every scenario of the search.
         seed: of the search (TPE of Optuna).
         nearby: search within a factor of 1.5 of the last result of a rival.
-        json: file for the best values and their costs.
     """
     require_writable(json)
     space = _GAINS if controller == STANLEY else _WEIGHTS

@@ -22,7 +22,7 @@ from benchmarks.ablation.training import (
 )
 from benchmarks.ablation.variants import SHIPPED_FILE, Training, read_variants
 from offline.commands.dataset import config_of_data, ensure_dataset
-from offline.commands.options import RUNS, Config, DataFolder
+from offline.commands.options import RUNS, Config, DataFolder, JsonFile, Several
 from offline.commands.terminal import STDERR, STDOUT, progress_bar
 from offline.config import explicit_fields
 from rt_controller.contract.errors import ConfigError
@@ -34,7 +34,6 @@ from sim_bridge.campaign import THIS_MACHINE, Backend, digest, run_campaign
 OF_DATA = ("episodes", "data_seed", "largest_steer_deg")
 """fields of a configuration that follow from the data set"""
 INSTEAD = {"preset": "the name of the list", "seed": "--seeds"}
-_Several = cyclopts.Parameter(consume_multiple=True, negative="")
 
 app = cyclopts.App(name="python -m benchmarks.ablation", version_flags=[])
 
@@ -51,13 +50,13 @@ def main(
     variants: str = "ladder",
     *,
     config: Config = None,
-    seeds: Annotated[tuple[int, ...], _Several] = (0,),
-    only: Annotated[tuple[str, ...], _Several] = (),
+    seeds: Annotated[tuple[int, ...], Several] = (0,),
+    only: Annotated[tuple[str, ...], Several] = (),
     lists: Path = SHIPPED_FILE,
     folder: Path | None = None,
     data: DataFolder = None,
     backend: Backend = THIS_MACHINE,
-    json: Annotated[Path | None, cyclopts.Parameter(name="--json")] = None,
+    json: JsonFile = None,
 ) -> None:
     """Train every variant with every seed, and compare each with a linear model.
 
@@ -72,7 +71,6 @@ def main(
         only: names of variants; default: the whole list.
         lists: TOML file with lists of variants.
         folder: of the trainings and their results; default: runs/ablation-LIST.
-        json: also write the figures there.
     """
     require_writable(json)
     common = explicit_fields(config)

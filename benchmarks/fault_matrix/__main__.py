@@ -20,6 +20,7 @@ from benchmarks.fault_matrix.cases import (
 from benchmarks.fault_matrix.drive import drive_task
 from benchmarks.fault_matrix.summary import lines_of, summarise
 from benchmarks.fault_matrix.verdict import MatrixRow
+from offline.commands.options import JsonFile, Several
 from offline.commands.terminal import progress_bar
 from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.figures import require_writable, write_figures
@@ -39,7 +40,6 @@ _UNITS = {
     "max |e_y|": "m", "unchecked": "m", "ok": "", "reasons": "",
 }  # fmt: skip
 _COLUMNS = tuple(Column(title, unit, is_text=not unit) for title, unit in _UNITS.items())
-_Several = cyclopts.Parameter(consume_multiple=True, negative="")
 _Speed = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
 
 app = cyclopts.App(name="python -m benchmarks.fault_matrix", version_flags=[])
@@ -62,14 +62,14 @@ class Task(NamedTuple):
 def main(
     *,
     model: str | None = None,
-    only: Annotated[tuple[str, ...], _Several] = (),
-    speed_kmh: Annotated[tuple[_Speed, ...], _Several] = SPEEDS_KMH,
+    only: Annotated[tuple[str, ...], Several] = (),
+    speed_kmh: Annotated[tuple[_Speed, ...], Several] = SPEEDS_KMH,
     cases: Path = CASES_FILE,
-    conditions: Annotated[tuple[str, ...], _Several] = (),
+    conditions: Annotated[tuple[str, ...], Several] = (),
     sample: Annotated[bool, cyclopts.Parameter(negative="")] = False,
     drives: Path | None = None,
     backend: Backend = THIS_MACHINE,
-    json: Annotated[Path | None, cyclopts.Parameter(name="--json")] = None,
+    json: JsonFile = None,
 ) -> int:
     """Drive every fault of the matrix at three speeds, in simulated time; 1 if one is not ok.
 
@@ -86,7 +86,6 @@ def main(
         conditions: names in conditions.toml, under each of which the cases are driven.
         sample: some cases of each kind of fault and condition only.
         drives: file with a line of JSON for each drive: what it already has is not driven again.
-        json: also write the rows there: fault, speed_mps, mode, detect_ms, max_ey_m, ok, ...
     """
     require_writable(json)
     require_writable(drives, "--drives")

@@ -15,6 +15,7 @@ from rich.console import Console
 from benchmarks.figures import closed_loop
 from benchmarks.figures.results import SOURCES, Part, Results, read_import
 from benchmarks.figures.tables import blocks
+from offline.commands.options import JsonFile, Several
 from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.figures import require_writable, write_figures
 from rt_controller.model.artifact import SHIPPED_MODEL
@@ -25,7 +26,6 @@ MEASURED = "closed_loop"
 """the piece that is measured here; those of `SOURCES` are imported"""
 ROOT = Path(__file__).parents[2]
 EXIT_DIFFERENT = 1
-SEVERAL = cyclopts.Parameter(consume_multiple=True, negative="")
 
 app = cyclopts.App(name="python -m benchmarks.figures", version_flags=[])
 
@@ -33,13 +33,13 @@ app = cyclopts.App(name="python -m benchmarks.figures", version_flags=[])
 @app.default
 def main(
     *,
-    imports: Annotated[tuple[Path, ...], SEVERAL, cyclopts.Parameter(name="--import")] = (),
+    imports: Annotated[tuple[Path, ...], Several, cyclopts.Parameter(name="--import")] = (),
     again: Annotated[bool, cyclopts.Parameter(negative="")] = False,
     tables: Annotated[bool, cyclopts.Parameter(negative="")] = False,
     check: Annotated[bool, cyclopts.Parameter(negative="")] = False,
     root: Annotated[Path, cyclopts.Parameter(show=False)] = ROOT,
     backend: Backend = THIS_MACHINE,
-    json: Annotated[Path | None, cyclopts.Parameter(name="--json")] = None,
+    json: JsonFile = None,
 ) -> int:
     """Measure what is missing in docs/figures.json, and write the tables of README.md and docs.
 
@@ -54,7 +54,6 @@ def main(
         tables: measure nothing, write the tables only.
         check: measure and write nothing; exit code 1 if a table is not that of the file, or the
             file is not of the shipped models.
-        json: also write the results there.
     """
     require_writable(json)
     console = Console(stderr=True, soft_wrap=True)

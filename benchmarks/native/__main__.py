@@ -5,7 +5,7 @@ import tomllib
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Annotated, Any
+from typing import Any
 
 import cyclopts
 from rich.console import Console
@@ -14,6 +14,7 @@ from benchmarks.figures.closed_loop import ROWS, scenario_of
 from benchmarks.native.parity import Plans, compare
 from benchmarks.native.situations import random_situations
 from benchmarks.native.targets import Export, Figures
+from offline.commands.options import JsonFile
 from offline.targets.recorded_drives import Situation, record_drive
 from rt_controller.config import ControllerConfig
 from rt_controller.contract.figures import require_writable, write_figures
@@ -37,16 +38,16 @@ app = cyclopts.App(name="python -m benchmarks.native", version_flags=[])
 def main(
     *,
     model: str = "mdk-net",
-    json: Annotated[Path | None, cyclopts.Parameter(name="--json")] = None,
+    json: JsonFile = None,
     full: bool = False,
 ) -> int:
     """Compare the law in C with the law in Python, and run it on a Cortex-M7 and an ARM64 in QEMU.
 
-    Exit code 1: a figure is beyond its goal in benchmarks/native/goals.toml.
+    Exit code 1: a figure is beyond its goal in benchmarks/native/goals.toml. Figures of a tool that
+    is not installed are null in the JSON file.
 
     Args:
         model: name of a shipped model, or folder of a bundle.
-        json: file for all figures. Those of a tool that is not installed are null.
         full: ten times as many plans, and a hundred times as many periods of the fuzzing.
     """
     require_writable(json)

@@ -12,6 +12,7 @@ from benchmarks.figures.results import hashes_of
 from benchmarks.figures.tables import rows_table
 from benchmarks.paper import closed_loop, prediction, training
 from benchmarks.paper.elements import Element, Figures
+from offline.commands.options import JsonFile, Several
 from rt_controller.contract.figures import require_folder, require_writable, write_figures
 from rt_controller.contract.files import write_text
 from rt_controller.contract.revision import source_revision
@@ -33,7 +34,6 @@ COMPARABLE = (
     "The car of the paper is CarSim's, here it is the simulated car of this repository, so no "
     "number is comparable with the paper's; a ratio of two models is comparable in kind."
 )
-SEVERAL = cyclopts.Parameter(consume_multiple=True, negative="")
 
 app = cyclopts.App(name="python -m benchmarks.paper", version_flags=[])
 
@@ -41,9 +41,9 @@ app = cyclopts.App(name="python -m benchmarks.paper", version_flags=[])
 @app.default
 def main(
     *,
-    only: Annotated[tuple[Name, ...], SEVERAL] = (),
+    only: Annotated[tuple[Name, ...], Several] = (),
     output: Path = Path("runs/paper"),
-    json: Annotated[Path | None, cyclopts.Parameter(name="--json")] = None,
+    json: JsonFile = None,
 ) -> None:
     """Measure what the tables and figures of the paper show, and print both numbers.
 
@@ -52,7 +52,6 @@ def main(
     Args:
         only: these elements; default: all.
         output: folder of the page, paper.html, of its pictures and of the trainings.
-        json: file for all numbers.
     """
     require_report_extra("The page")
     require_writable(json)

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from importlib.metadata import version
 from itertools import product
 from pathlib import Path
-from typing import Annotated, Any, Literal, get_args
+from typing import Any, Literal, get_args
 
 import cyclopts
 from rich.console import Console
@@ -13,6 +13,7 @@ from rich.console import Console
 from benchmarks.peers.comparison import compare, tables_of
 from benchmarks.peers.recording import TIERS, Tier, record
 from benchmarks.peers.solvers import COLD, DEFAULT, find_solvers
+from offline.commands.options import JsonFile
 from rt_controller.config import ShippedModel
 from rt_controller.contract.figures import require_writable, write_figures
 from rt_controller.report.drive_figure import require_figure_file
@@ -36,7 +37,7 @@ def main(
     scenarios: tuple[Scenario, ...] = get_args(Scenario),
     only: tuple[str, ...] = (),
     rounds: int = 5,
-    json: Annotated[Path | None, cyclopts.Parameter(name="--json")] = None,
+    json: JsonFile = None,
     plot: Path | None = None,
 ) -> int:
     """Record closed-loop drives, then solve the same quadratic programs with every solver.
@@ -47,7 +48,6 @@ def main(
         scenarios: mild: the shipped double lane change; hard: one near the limit of grip.
         only: names of the solvers to compare; the controller's own are always included.
         rounds: repetitions of all solvers; ratios are taken within a round.
-        json: file for all figures.
         plot: file (SVG or PNG) for a plot of the first model with slew.
     """
     require_writable(json)

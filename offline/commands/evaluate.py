@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from offline.commands.options import LATEST_RUN, JsonFile, require_ready
+from offline.commands.options import LATEST_RUN, JsonFile, Several, require_ready
 from offline.commands.terminal import STDERR, STDOUT
 from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.figures import require_writable, write_figures
@@ -26,8 +26,6 @@ app = new_app(
     "offline-evaluate", "Predict two seconds ahead on held-out data, beside the baselines."
 )
 main = partial(run_command, app)
-
-Several = Parameter(consume_multiple=True, negative="")
 
 
 @dataclass(frozen=True, slots=True)

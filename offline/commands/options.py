@@ -20,7 +20,8 @@ OFFLINE_PACKAGES = ("torch", "onnx", "onnxscript", "joblib", "onnxruntime")
 Config = Annotated[
     TrainingConfig | None, Parameter(name="*", negative_none="no-", consume_multiple=True)
 ]
-Logs = Annotated[list[Path], Parameter(consume_multiple=True, negative="")]
+Several = Parameter(consume_multiple=True, negative="")
+Logs = Annotated[list[Path], Several]
 JsonFile = Annotated[Path | None, Parameter(name="--json", help="write the figures to this file")]
 DataFolder = Annotated[
     Path | None,
