@@ -4,6 +4,9 @@ Vehicle and controller drive in real time, each in a process of its own.
 """
 
 import json as json_module
+import os
+import subprocess
+import sys
 import tempfile
 from collections.abc import Sequence
 from contextlib import ExitStack
@@ -15,7 +18,6 @@ import numpy as np
 from numpy.typing import NDArray
 from rich.console import Console
 
-from benchmarks.processes import program, start
 from offline.commands.options import JsonFile
 from rt_controller.contract.errors import BusError
 from rt_controller.contract.faults import StopCause
@@ -175,6 +177,16 @@ def write_slalom(file: Path, ticks: int) -> None:
     file.write_text("\n".join(lines))
 
 
+def start(*command: str, log: Path, running: ExitStack) -> subprocess.Popen[bytes]:
+    """A program in a process of its own, which ends with `running`."""
+    environment = {**os.environ, "COLUMNS": "200"}
+    with log.open("wb") as output:
+        process = subprocess.Popen(command, stdout=output, stderr=output, env=environment)
+    running.callback(process.wait)
+    running.callback(process.kill)
+    return process
+
+
 def drive_in_real_time(
     ticks: int, options: Sequence[str], car_cpu: int, controller_cpu: int
 ) -> CadenceRun:
@@ -193,12 +205,12 @@ def drive_in_real_time(
         bus = ("--bus", "local", "--channel", f"cadence-{folder.name}", "--quiet")
         car_log, controller_log = folder / "car.log", folder / "controller.log"
         summary_file, ticks_file = folder / "controller.json", folder / "ticks.csv"
-        car = program("sim_bridge.cli", *bus, "--scenario", str(scenario))
-        start(*car, log=car_log, cpu=car_cpu, running=running)
+        python = (sys.executable, "-m")
+        car = ("taskset", "-c", str(car_cpu), *python, "sim_bridge", *bus)
+        start(*car, "--scenario", str(scenario), log=car_log, running=running)
         files = ("--json", str(summary_file), "--ticks", str(ticks_file))
-        cpu = ("--realtime.cpu", str(controller_cpu))
-        command = program("rt_controller.cli", *bus, *cpu, *files, *options)
-        controller = start(*command, log=controller_log, running=running)
+        command = (*python, "rt_controller", *bus, "--realtime.cpu", str(controller_cpu))
+        controller = start(*command, *files, *options, log=controller_log, running=running)
         controller.wait(ticks * PERIOD_S + TIMEOUT_S)
         if not summary_file.exists():
             raise BusError(controller_log.read_text()[-1000:])

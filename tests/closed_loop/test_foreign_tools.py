@@ -14,11 +14,11 @@ from dataclasses import dataclass
 
 import cantools
 import pytest
-from bus_server import start_bus_server
+from processes import program, start_bus_server
 from slcan_hub import SlcanHub
 from terminal_tool import TerminalTool
 
-from benchmarks.processes import program, start
+from benchmarks.cadence import start
 from rt_controller.bus.dbc import DBC_PATH
 from rt_controller.bus.messages import CATALOGUE, Node
 from rt_controller.bus.receive import Inbox

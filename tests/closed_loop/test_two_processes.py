@@ -11,11 +11,11 @@ from pathlib import Path
 
 import can
 import pytest
-from bus_server import start_bus_server
 from own_car import EXAMPLE, command_reader
+from processes import program, start_bus_server
 from virtual_drive import SHORT_LANE_CHANGE
 
-from benchmarks.processes import program, start
+from benchmarks.cadence import start
 from rt_controller.mapping.car_file import read_car
 from rt_controller.model.artifact import shipped_model
 

@@ -1,4 +1,4 @@
-"""A server for a bus between programs in processes of their own."""
+"""Programs in processes of their own, and a server for a bus between them."""
 
 import socket
 import subprocess
@@ -7,10 +7,16 @@ import time
 from contextlib import ExitStack
 from pathlib import Path
 
-from benchmarks.processes import start
+from benchmarks.cadence import start
 from rt_controller.contract.errors import BusError
 
 SERVER_TIMEOUT_S = 60.0
+
+
+def program(module: str, *arguments: str) -> list[str]:
+    """The command that runs the `main` of a module."""
+    code = f"import sys; from {module} import main; sys.argv[0] = '{module}'; main()"
+    return [sys.executable, "-c", code, *arguments]
 
 
 def start_bus_server(log: Path, running: ExitStack) -> tuple[subprocess.Popen[bytes], str]:
