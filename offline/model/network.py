@@ -25,7 +25,7 @@ from offline.data.sampling import Instants
 from offline.model.encoder import Encoder, MakeEncoder
 from offline.model.observables import Observables, Sizes, alternating, observables_of, signs_of
 from offline.model.path import Path, Units
-from offline.model.rollout import roll_out, roll_out_gains
+from offline.model.rollout import roll_out
 from rt_controller.contract.signals import PATH_STATES
 from rt_controller.model.dynamics import Shape
 from rt_controller.model.follow import Follow
@@ -169,8 +169,7 @@ class MdkNet(nn.Module):
             # tanh(a) - a: its linear part belongs to the operator of the recursion.
             linear = sum(len(t.factors) for t in self.terms if t.shape is not Shape.SATURATION)
             A = A - N[:, linear:] @ S[linear:]
-            factors = self.factors(u, w)
-            return roll_out_gains(psi0, A, forcing, S, N, factors, saturates=self.saturates)
+            return roll_out(psi0, A, forcing, (S, N, self.factors(u, w)), self.saturates)
         psi = psi0[None]
         if self.follows is Follow.FREE_RESPONSE:
             exogenous = w @ B[:, self.sizes.inputs :].t()

@@ -10,42 +10,30 @@ import torch
 from torch import Tensor
 
 
-def roll_out(psi0: Tensor, A: Tensor, forcing: Tensor) -> Tensor:
-    """Lifted states after 1..K steps, (K, batch, n).
-
-    psi0 is (batch, n), A is (n, n), and forcing (K, batch, n) holds B u_k of each step. The
-    gradient is the adjoint recursion l_k = g_k + A' l_(k+1); that of A is then one matrix product
-    for all steps, a third faster than automatic differentiation and equal to it.
-    Paper: the predicted term of eq. (10).
-    """
-    nothing = psi0.new_zeros(0, psi0.shape[1])
-    factors = psi0.new_zeros(len(forcing), len(psi0), 0)
-    return roll_out_gains(psi0, A, forcing, nothing, nothing.t(), factors, saturates=False)
-
-
-def roll_out_gains(
+def roll_out(
     psi0: Tensor,
     A: Tensor,
     forcing: Tensor,
-    S: Tensor,
-    N: Tensor,
-    factors: Tensor,
-    *,
-    saturates: bool,
+    gains: tuple[Tensor, Tensor, Tensor] | None = None,
+    saturates: bool = False,
 ) -> Tensor:
-    """Lifted states (K, batch, n) of psi+ = A psi + d_k + N (g(S psi) v_k).
+    """Lifted states (K, batch, n) after 1..K steps of psi+ = A psi + d_k + N (g(S psi) v_k).
 
-    g is the hyperbolic tangent if the gains saturate, otherwise the identity. psi0 is (batch, n),
-    A (n, n), forcing d (K, batch, n), S (q, n), N (n, q) and factors v (K, batch, q), which have
-    no gradient.
+    psi0 is (batch, n), A (n, n), and forcing d (K, batch, n) holds B u_k of each step. `gains` are
+    S (q, n), N (n, q) and the factors v (K, batch, q), which have no gradient; None: there are
+    none. g is the hyperbolic tangent if they saturate, otherwise the identity. The gradient is the
+    adjoint recursion, for A l_k = g_k + A' l_(k+1); that of A is then one matrix product for all
+    steps, a third faster than automatic differentiation and equal to it.
+    Paper: the predicted term of eq. (10).
     """
-    rolled = _GainRollOut.apply(  # type: ignore[no-untyped-call]
-        psi0, A, forcing, S, N, factors, saturates
-    )
+    if gains is None:
+        none = psi0.new_zeros(0, psi0.shape[1])
+        gains = none, none.t(), psi0.new_zeros(len(forcing), len(psi0), 0)
+    rolled = _RollOut.apply(psi0, A, forcing, *gains, saturates)  # type: ignore[no-untyped-call]
     return cast(Tensor, rolled)
 
 
-class _GainRollOut(torch.autograd.Function):
+class _RollOut(torch.autograd.Function):
     @staticmethod
     def forward(
         ctx: Any,

@@ -22,7 +22,7 @@ from offline.model.losses import (
 )
 from offline.model.network import MdkNet
 from offline.model.observables import sizes_of
-from offline.model.rollout import roll_out, roll_out_gains
+from offline.model.rollout import roll_out
 from rt_controller.contract.signals import VEHICLE
 from rt_controller.model.follow import Follow
 
@@ -143,15 +143,15 @@ def arguments(gains: int = GAINS) -> tuple[Tensor, ...]:
 def test_the_gradient_equals_the_numerical_one(saturates: bool) -> None:
     *learned, factors = arguments()
 
-    def rolled(*given: Tensor) -> Tensor:
-        return roll_out_gains(*given, factors, saturates=saturates)
+    def rolled(psi0: Tensor, A: Tensor, forcing: Tensor, S: Tensor, columns: Tensor) -> Tensor:
+        return roll_out(psi0, A, forcing, (S, columns, factors), saturates)
 
     assert torch.autograd.gradcheck(rolled, tuple(learned))
 
 
 def test_without_gains_it_is_the_linear_roll_out_with_the_same_gradient() -> None:
     psi0, A, forcing, S, columns, factors = arguments(gains=0)
-    without = roll_out_gains(psi0, A, forcing, S, columns, factors, saturates=True)
+    without = roll_out(psi0, A, forcing, (S, columns, factors), saturates=True)
     linear = roll_out(psi0, A, forcing)
     assert torch.equal(without, linear)
     weights = torch.randn_like(linear)
