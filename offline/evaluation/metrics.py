@@ -7,7 +7,6 @@ interval of a ratio is narrower than those of its two errors.
 Paper: section IV, Table II.
 """
 
-import re
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -18,6 +17,7 @@ from offline.evaluation.predictor import Predictor, prediction_errors
 from offline.evaluation.test_sets import TestSet
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.signals import SYMBOLS, Schema
+from rt_controller.mapping.units import unit_of_name
 
 PROGRESS = "ds"
 """progress per period: the speed once more (correlation 0.997 on the training data), so the
@@ -60,20 +60,10 @@ def state_units(schema: Schema) -> tuple[StateUnit, ...]:
     units = []
     for state in schema.states:
         unit, factor = _TABLE_UNITS.get(state.unit, (state.unit, 1.0))
-        name = state.name.removesuffix(f"_{_suffix(state.unit)}")
+        ending = "_per_" if "_per_" in state.name else "_"
+        name = state.name.rpartition(ending)[0] if unit_of_name(state.name) else state.name
         units.append(StateUnit(name, unit, factor))
     return tuple(units)
-
-
-def _suffix(unit: str) -> str:
-    """A unit as the end of a name: "mps" of "m/s", "kmh" of "km/h", "per_m" of "1/m", "" of "1"."""
-    if unit in ("", "1"):
-        return ""
-    if unit == "km/h":
-        return "kmh"
-    if unit.startswith("1/"):
-        return "per_" + _suffix(unit.removeprefix("1/"))
-    return re.sub(r"[^a-z0-9]", "", unit.lower().replace("/", "p"))
 
 
 def absolute_errors(model: Predictor, test: TestSet, states: Sequence[StateUnit]) -> Array:
