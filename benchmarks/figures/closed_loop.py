@@ -53,8 +53,8 @@ class Row(NamedTuple):
 class Controller(NamedTuple):
     """Something that drives a scenario on a plant."""
 
-    drive: Callable[[Scenario, str], Drive]
-    """with the name of the plant, as in `simulate`"""
+    drive: Callable[..., Drive]
+    """of a scenario and the name of a `plant`, as `simulate`"""
     models: tuple[str, ...] = ()
     """shipped models that it uses"""
     rows: Sequence[str] | None = None
@@ -131,16 +131,12 @@ def _drive_with_example(scenario: Scenario, plant: str) -> Drive:
     return simulate(scenario, model=bundle, plant=plant)
 
 
-def _drive_with(controller: str, scenario: Scenario, plant: str) -> Drive:
-    return simulate(scenario, controller=controller, plant=plant)
-
-
 _MOVING = tuple(row.name for row in ROWS if not row.has_stop)
 """where the law of low speeds, which all controllers share, does not decide"""
 CONTROLLERS = {
-    **{model: Controller(partial(_drive_with, model), (model,)) for model in MODELS},
+    **{model: Controller(partial(simulate, controller=model), (model,)) for model in MODELS},
     "linear_model.py": Controller(_drive_with_example, rows=("lane change, 80 km/h",)),
-    **{name: Controller(partial(_drive_with, name), rows=_MOVING) for name in RIVALS},
+    **{name: Controller(partial(simulate, controller=name), rows=_MOVING) for name in RIVALS},
 }
 
 
@@ -159,7 +155,7 @@ def part_name(controller: str, row: str) -> str:
 
 def measure_drive(controller: Controller, row: Row) -> Figures:
     """Errors of the car, from its own truth, and the motion of the steering wheel."""
-    drive = controller.drive(scenario_of(row), row.conditions.get("plant", "own"))
+    drive = controller.drive(scenario_of(row), plant=row.conditions.get("plant", "own"))
     truth = {figure.name: figure.value for figure in drive.car_figures}
     is_driven = np.array([mode.drives for mode in drive.modes])
     figures: Figures = {

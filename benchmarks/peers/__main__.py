@@ -23,8 +23,6 @@ from rt_controller.terminal.command_line import run_command
 HARD = Path(__file__).parents[1] / "scenarios" / "hard_lane_change.toml"
 Scenario = Literal["mild", "hard"]
 SCENARIOS: dict[Scenario, str] = {"mild": "double_lane_change", "hard": str(HARD)}
-PLOTTED: Tier = "slew"
-"""as in the shipped controller"""
 
 app = cyclopts.App(name="python -m benchmarks.peers", version_flags=[])
 
@@ -78,7 +76,7 @@ def main(
     }
     write_figures(json, figures)
     if plot is not None:
-        shown = {"model": models[0], "tier": PLOTTED}
+        shown = {"model": models[0], "tier": "slew"}  # as in the shipped controller
         panels = [
             ("QP of {model}\n{scenario} lane change, {tier}".format(**names), one)
             for names, one in recordings
