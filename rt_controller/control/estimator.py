@@ -107,12 +107,15 @@ class Estimator:
         motion_gain: float = MOTION_GAIN,
         step: OneStep | None = None,
     ) -> None:
-        """`periods`: of the longest prediction asked of `deviations`; `step`: of the model."""
+        """`periods`: of the longest prediction asked of `deviations`.
+
+        `step`: of a model that is not learned, in place of that of the bundle.
+        """
         self.step = step or DrivenStep(bundle)
         self._roll_outs = RollOuts(bundle.n_observables, self.step)
         self._response = DisturbanceResponse(max(periods, STEPS))
         self._low_pass = np.array(low_pass(motion_gain))
-        self.steering = SteeringFactor(motion_gain)
+        self.steering = SteeringFactor(motion_gain, learns_at_rate=step is not None)
         self._pedals = 0.0
         """throttle less brake, of their ranges, averaged over about ten periods"""
         self._is_advanced = False

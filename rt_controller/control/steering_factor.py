@@ -38,14 +38,18 @@ class SteeringFactor:
     then, is compared with the measured one, each less its average: that contains what does not
     change with the wheel, as a bank or an offset of a sensor. The prediction is explained by the
     measurement and not the other way round: where the wheel only compensates a side wind, the
-    measured yaw rate is zero, and nothing is learned. Nothing is learned either from a prediction
-    in which the wheel was at its largest rate: there the model is least exact. Method:
-    normalised least mean squares (Widrow and Hoff, 1960).
+    measured yaw rate is zero, and nothing is learned. Method: normalised least mean squares (Widrow
+    and Hoff, 1960).
     """
 
-    def __init__(self, gain: float) -> None:
-        """`gain`: of the disturbance, as of `Estimator`; 0: the factor stays 1."""
+    def __init__(self, gain: float, learns_at_rate: bool = False) -> None:
+        """For a gain of the disturbance, as of `Estimator`; 0: the factor stays 1.
+
+        A learned model is least exact where the wheel turns at its largest rate, and what it misses
+        there is no gain; a model without saturation of the tyres misses one: it `learns_at_rate`.
+        """
         self._information = information(gain)
+        self._at_rate_rad = inf if learns_at_rate else AT_RATE_RAD
         self.reset()
 
     def reset(self) -> None:
@@ -65,7 +69,7 @@ class SteeringFactor:
 
     def turn(self, steer_rad: float) -> None:
         """The angle of the wheel in the next period."""
-        is_at_rate = abs(steer_rad - self._steer_rad) >= AT_RATE_RAD
+        is_at_rate = abs(steer_rad - self._steer_rad) >= self._at_rate_rad
         self._periods_left = STEPS if is_at_rate else max(self._periods_left - 1, 0)
         self._steer_rad = steer_rad
 
