@@ -1,8 +1,7 @@
 """The controller as an FMU, in the loop with the simulated car.
 
-pip install -e ".[fmu]" && python examples/controller_fmu.py [FILE.fmu]
-
-Without a file it exports the default model, for which it needs a C compiler.
+pip install -e ".[fmu]" && offline-export --target fmu --output controller.fmu
+python examples/controller_fmu.py controller.fmu
 """
 
 import sys
@@ -12,8 +11,7 @@ from tempfile import TemporaryDirectory
 import fmpy
 from fmpy.simulation import instantiate_fmu
 
-from offline.targets.fmu import write_fmu
-from rt_controller import Bundle, ControlInput, MpcSettings, Observation, simulate
+from rt_controller import ControlInput, Observation, simulate
 
 
 class FmuLaw:
@@ -42,9 +40,4 @@ class FmuLaw:
 
 
 if __name__ == "__main__":
-    if sys.argv[1:]:
-        file = Path(sys.argv[1])
-    else:
-        file = Path("controller.fmu")
-        write_fmu(file, Bundle.load("mdk-net"), MpcSettings())
-    print(simulate("double_lane_change", controller=FmuLaw(file)).errors)
+    print(simulate("double_lane_change", controller=FmuLaw(Path(sys.argv[1]))).errors)

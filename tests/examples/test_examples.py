@@ -6,14 +6,20 @@ from pathlib import Path
 import pytest
 
 import offline.commands.data
+import offline.commands.export
 import rt_controller.cli
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 PROGRAMS = sorted(EXAMPLES.glob("*.py"))
-ARGUMENTS = {"plot_log": ("drive.svg", "drive.log"), "reinforcement_learning": ("1",)}
+ARGUMENTS = {
+    "controller_fmu": ("law.fmu",),
+    "plot_log": ("drive.svg", "drive.log"),
+    "reinforcement_learning": ("1",),
+}
 PACKAGES = {"reinforcement_learning": "stable_baselines3"}
 """that no extra has: without it the example is left out"""
 PREPARATIONS = {
+    "controller_fmu": (offline.commands.export.main, "--target fmu --output law.fmu"),
     "own_encoder": (
         offline.commands.data.main,
         "--episodes 20 --seed 1 --largest-steer-deg 40 --data small --jobs 1",
