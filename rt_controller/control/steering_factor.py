@@ -45,8 +45,8 @@ class SteeringFactor:
     def __init__(self, gain: float, learns_at_rate: bool = False) -> None:
         """For a gain of the disturbance, as of `Estimator`; 0: the factor stays 1.
 
-        A learned model is least exact where the wheel turns at its largest rate, and what it misses
-        there is no gain; a model without saturation of the tyres misses one: it `learns_at_rate`.
+        In drives, the factor of a learned model was worse than none after the wheel had turned at
+        its largest rate; for a single-track model it was needed there: `learns_at_rate`.
         """
         self._information = information(gain)
         self._at_rate_rad = inf if learns_at_rate else AT_RATE_RAD

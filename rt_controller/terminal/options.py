@@ -1,4 +1,4 @@
-"""The options of `rt-controller`, as one model: what is refused is refused all at once."""
+"""The options of `rt-controller` and its commands; those of a run are refused all at once."""
 
 import os
 import tomllib

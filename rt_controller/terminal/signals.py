@@ -30,16 +30,15 @@ from rt_controller.terminal.entry import INTERRUPTED
 from rt_controller.terminal.progress import announce, show
 from rt_controller.terminal.stop_signals import stop_on_signals
 
+if TYPE_CHECKING:
+    from rt_controller.terminal.options import CheckOptions, GatewayOptions
+
 REMEDY = "Name another log (.blf, .asc, .log, .trc), or record it again."
 EXIT_FOUND = 8
 """a signal is missing or implausible"""
 _LONGEST_WAIT_S = 0.02
 _PAUSE_S = 0.05
 """between two reads, from which on this program was not run"""
-
-
-if TYPE_CHECKING:
-    from rt_controller.terminal.options import CheckOptions, GatewayOptions
 
 
 def check_at_terminal(file: Path, log: Path | None, options: "CheckOptions") -> int:

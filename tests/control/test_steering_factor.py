@@ -66,6 +66,15 @@ def test_a_prediction_with_the_wheel_at_its_largest_rate_is_not_learned_from():
     assert factor.value == pytest.approx(1.2, rel=0.02)
 
 
+def test_a_baseline_learns_at_the_largest_rate_of_the_wheel_too():
+    factor = SteeringFactor(MOTION_GAIN, learns_at_rate=True)
+    for k in range(400):
+        factor.turn(radians(4.9) * (k % 2))
+        wheel_radps = 0.2 * np.sin(0.05 * k)
+        factor.learn(factor.value * wheel_radps, 1.2 * wheel_radps)
+    assert factor.value == pytest.approx(1.2, rel=0.02)
+
+
 def test_noise_of_the_sensor_is_not_learned_on_a_straight_road():
     rng, factor = np.random.default_rng(0), SteeringFactor(MOTION_GAIN)
     for measured_radps in 0.002 * rng.standard_normal(60_000):  # 25 minutes
